@@ -191,12 +191,23 @@ def _files_in(path: Path) -> list[Path]:
     return sorted(file for file in path.iterdir() if file.name.endswith((*FILES, *COMPRESSED)))
 
 
+def part_of(path: Path) -> str:
+    """Return a remark on a file of a recording that has several; "" for all else."""
+    files = _files_in(path.parent) if (path.parent / METADATA).is_file() else []
+    if path not in files or len(files) < 2:
+        return ""
+    return (
+        f"this is one of {len(files)} files of the recording in {path.parent}: name that folder to read all"
+    )
+
+
 def _folder_or_file(path: Path) -> Path:
     """Return a folder with metadata, else its only file. InputError if that cannot be opened alone."""
     if path.is_file():
         if path.name.endswith(COMPRESSED):
             fault = "found a compressed file, expected a plain one"
-            raise InputError(path, f"{fault}; decompress it with `zstd -d {path.name}`")
+            advice = f"name its folder, or decompress it with `zstd -d {path.name}`"
+            raise InputError(path, f"{fault}; {advice}")
         return path
     if (path / METADATA).is_file():
         return path

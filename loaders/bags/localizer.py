@@ -22,7 +22,7 @@ from ..errors import InputError, ReadingNotes
 from ..files.maps import arena_of_message, occupancy_of_message
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane
-from ..reading.recording import Motion, OdometryPose, Picture, Record, Scan, TruthPose
+from ..reading.recording import Motion, Note, OdometryPose, Picture, Record, Scan, TruthPose
 from ..reading.time_alignment import Aligner, Steps, as_rows
 from .maps import map_of
 from .messages import (
@@ -30,13 +30,13 @@ from .messages import (
     IN_XY,
     POSE_WITH_COVARIANCE,
     POSES,
+    clock_ns,
     cloud_of,
     known_type,
     pose_of,
-    use_recorded,
 )
-from .readers import WINDOW_S, OneTopic, Timed, in_order, read_bag
-from .recording import BagRecording, peek
+from .readers import OneTopic, Timed, in_order, read_bag
+from .recording import BagRecording, peek, pose_in_words, start_topics
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import PoseTopic, TopicRequest, choose, listed, named_topic, of_robot, readable
 
@@ -87,6 +87,16 @@ class LocalizerPoseReader(OneTopic):
         yield pose
         if self.alone:
             yield Cloud(t_s, stand_ins(pose.pose, covariance), None)
+
+
+class GivenPoseReader(OneTopic):
+    """Converts what somebody told the localizer, as RViz's 2D Pose Estimate does, to events."""
+
+    types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
+
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+        """Yield the event of one message."""
+        yield Note(t_s, f"given a pose: {pose_in_words(pose_of(content))} ({self.topic})")
 
 
 def covariance_of(message: Any, plane: Plane) -> F64:
@@ -141,6 +151,7 @@ class RecordedUpdate:
     read: Callable[[], U8] | None  # decodes the last picture before; None: there was none yet
     picture: str  # its name
     scan: LaserScan | None = None  # the nearest within 0.5 s
+    events: tuple[str, ...] = ()  # since the last update
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +185,7 @@ class RecordedLocalizer:
         with open_bag(path) as bag:
             scan = choose(path, bag.topics, TopicRequest(scan=options.scan_topic)).scan
             topics = of_robot(bag.topics, scan)
+            self._given = [topic.name for topic in start_topics(bag, scan)]
             self.pose = _pose_topic(topics)
             self.cloud = _cloud_topic(path, topics, self.pose)  # or that of the poses, without a cloud
             if topic is not None:
@@ -182,11 +194,11 @@ class RecordedLocalizer:
                     self.pose = self.cloud
             self._map = _map_in(path, bag)
             own = [topic.name for topic in (self.cloud, self.pose) if topic is not None]
-            self._drive = BagRecording(path, open_bag, options, beside=own)
+            self._drive = BagRecording(path, open_bag, options, beside=[*own, *self._given])
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
             if self._map is not None and self._drive.chosen.scan is None:
                 self._map = replace(self._map, occupancy=None)  # which is for scans
-            self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
+            self._clock_ns = clock_ns({name: peek(bag, name) for name in names})
 
     @property
     def info(self) -> SessionInfo:
@@ -223,6 +235,7 @@ class RecordedLocalizer:
                 None if picture.view is None else picture.view.read,
                 "" if picture.view is None else picture.view.name,
                 picture.scan,
+                tuple(aligned.events),
             )
 
     def overview(self) -> Overview:
@@ -248,11 +261,9 @@ class RecordedLocalizer:
             alone = not self.has_cloud
             plane = self._drive.plane(PoseTopic(self.pose.name)) if alone else IN_XY
             readers.append(LocalizerPoseReader(self.pose.name, plane, alone))
-        late: list[float] = []
-        records = read_bag(self.path, self._drive.open_bag, readers, notes, recorded=self._recorded)
-        yield from in_order(records, lambda record: late.append(record.t_s))
-        if late:
-            notes.warning(f"{len(late)} messages were left out: their times fall by more than {WINDOW_S:g} s")
+        readers += map(GivenPoseReader, self._given)
+        records = read_bag(self.path, self._drive.open_bag, readers, notes, self._clock_ns)
+        yield from in_order(records, notes)
 
 
 class Nearest:
@@ -288,7 +299,7 @@ def _passed(waiting: deque[Timed], last: dict[type[Timed], Timed]) -> Iterator[R
     record = waiting.popleft()
     if isinstance(record, Picture | LocalizerPose | Scan):
         last[type(record)] = record
-    elif isinstance(record, Motion | OdometryPose | TruthPose):
+    elif isinstance(record, Motion | OdometryPose | TruthPose | Note):
         yield record
     elif isinstance(record, Cloud) and len(record.poses):
         near = [*last.values(), *waiting]

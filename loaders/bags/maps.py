@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,7 +15,6 @@ from ..files.maps import occupancy_of_message
 from ..formats.registry import chosen
 from ..reading.options import ReadingOptions
 from .messages import MESSAGE_ERRORS
-from .readers import first_messages
 from .recording import BAGS
 from .source import BagSource
 from .topics import map_topics
@@ -42,12 +43,15 @@ def expected_map(path: Path) -> OccupancyMap:
 
 
 def map_of(path: Path, bag: BagSource, make: Callable[[Any], Map]) -> Map | None:
-    """Return the first map of a bag that can be used. InputError where there are only others."""
+    """Return the last map of a bag's first topic that can be used. InputError where there are only others.
+
+    A SLAM publishes its map again and again as it grows.
+    """
     problem = ""
     for topic in map_topics(bag.topics):
-        for _, message in first_messages(bag, topic.name, 1):
+        for message in deque(islice(bag.messages({topic.name}), topic.count), maxlen=1):
             try:
-                return make(message)
+                return make(message.decode())
             except (InputError, *MESSAGE_ERRORS) as fault:
                 problem = problem or f"its map {topic.name} cannot be used: {fault}"
     if problem:

@@ -250,10 +250,15 @@ def use_recorded(first: Mapping[str, Stamps]) -> str:
     return ""
 
 
-def recorded_as_measured(first: Mapping[str, Stamps]) -> bool:
-    """Return whether recording times are near the stamps of messages, or used for all."""
-    lags_s = [(stamp - log) / 1e9 for stamps in first.values() for stamp, log in stamps if stamp is not None]
-    return bool(use_recorded(first)) or all(abs(lag_s) <= AGREE_S for lag_s in lags_s)
+def clock_ns(first: Mapping[str, Stamps]) -> int | None:
+    """Return what takes recording times to the clock of the stamps, as of a simulation; 0 where it is one.
+
+    None where recording times must be used.
+    """
+    if use_recorded(first):
+        return None
+    lags_ns = [stamp - log for stamps in first.values() for stamp, log in stamps if stamp is not None]
+    return lags_ns[0] if lags_ns and abs(lags_ns[0]) > AGREE_S * 1e9 else 0
 
 
 _AS_IT_IS = -1

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -60,9 +61,17 @@ class Timed(Protocol):
 
 
 def read_bag(
-    path: Path, open_bag: OpenBag, readers: Collection[Reader], notes: ReadingNotes, *, recorded: bool
+    path: Path,
+    open_bag: OpenBag,
+    readers: Collection[Reader],
+    notes: ReadingNotes,
+    clock_ns: int | None,
 ) -> Iterator[Timed]:
-    """Yield the records of some readers as they come; invalid messages go to `notes`. InputError."""
+    """Yield the records of some readers as they come; invalid messages go to `notes`. InputError.
+
+    What has no stamp is put on the clock of the stamps, which at first is `clock_ns` ahead of the recording;
+    None: recording times are used for all.
+    """
     names = {name for reader in readers for name in reader.topics}
     if not names:
         return
@@ -73,9 +82,12 @@ def read_bag(
         number = dict.fromkeys(names, 0)
         for message in bag.messages(names):
             number[message.topic] += 1
+            on_clock = replace(message, log_ns=message.log_ns + clock_ns) if clock_ns else message
             for reader in readers:
-                records = reader.records(message, number[message.topic], recorded=recorded)
-                yield from _valid(path, records, message, number[message.topic], notes)
+                records = reader.records(on_clock, number[message.topic], recorded=clock_ns is None)
+                for record in _valid(path, records, message, number[message.topic], notes):
+                    clock_ns = clock_ns and round(record.t_s * 1e9) - message.log_ns
+                    yield record
 
 
 def _valid(
@@ -88,7 +100,7 @@ def _valid(
         if isinstance(problem, AttributeError):
             text = f"found no field {problem.name!r}, expected one"
         what = f"message {number} of {message.topic} ({message.type})"
-        notes.problem(InputError(path, f"{what}: {text}"))
+        notes.problem(InputError(path, f"{what}: {text}; --keep-going leaves such messages out"))
     except InputError as problem:
         notes.problem(problem)
     else:
@@ -300,18 +312,28 @@ def _picture(message: Any) -> U8:
 # Sorting records that were written nearly in order: each is released as soon as nothing earlier can come.
 
 WINDOW_S = 1.0  # a message recorded later than another was measured at most this much earlier
+RESTART_S = 3.0  # times that fall by more ...
+MOST_FALLEN = 20  # ... so often in a row are of a clock that began again
+LATE = f"their times fall by more than {WINDOW_S:g} s"
+SET_BACK = "their times begin again, as of another drive; record each drive to a bag of its own"
 MOST_WAITING = 5000  # records held back ...
 MOST_PICTURES = 32  # ... and pictures among them, which are large
 
 
-def in_order(records: Iterable[Timed], late: Callable[[Timed], None]) -> Iterator[Timed]:
-    """Yield records in the order of their times; those that come too late go to `late`."""
+def in_order(records: Iterable[Timed], notes: ReadingNotes) -> Iterator[Timed]:
+    """Yield records in the order of their times; those that come too late are counted in `notes`.
+
+    So are all that come once a clock has begun again.
+    """
+    left_out = Counter[str]()
     waiting: list[tuple[float, int, Timed]] = []
     newest_s = released_s = float("-inf")
-    number = pictures = 0
+    number = pictures = fallen = 0
     for record in records:
-        if record.t_s < released_s:
-            late(record)
+        if fallen < MOST_FALLEN:
+            fallen = fallen + 1 if record.t_s < released_s - RESTART_S else 0
+        if record.t_s < released_s or fallen == MOST_FALLEN:
+            left_out[f"({type(record).__name__}) were left out: {SET_BACK if fallen else LATE}"] += 1
             continue
         number += 1
         pictures += isinstance(record, Picture)
@@ -325,3 +347,5 @@ def in_order(records: Iterable[Timed], late: Callable[[Timed], None]) -> Iterato
             yield first
     while waiting:
         yield heapq.heappop(waiting)[2]
+    for words, count in left_out.items():
+        notes.warning(f"{count} records {words}")

@@ -27,17 +27,17 @@ from .containers import (
     open_mcap,
     open_ros1,
     open_ros2,
+    part_of,
 )
 from .messages import (
     MESSAGE_ERRORS,
     POSE_WITH_COVARIANCE,
     TEXT,
     TRANSFORMS,
-    FrameTree,
+    clock_ns,
     known_type,
     links_of,
     pose_of,
-    recorded_as_measured,
     stamp_ns,
     use_recorded,
 )
@@ -45,7 +45,6 @@ from .readers import (
     MOTIONS,
     READINGS,
     VECTOR,
-    WINDOW_S,
     MotionReader,
     NoteReader,
     NumberReader,
@@ -53,14 +52,13 @@ from .readers import (
     PoseReader,
     Reader,
     RowReader,
-    Timed,
     first_messages,
     has_topic,
     header_of,
     in_order,
     read_bag,
 )
-from .scans import BASES, MOST_STATIC, ScanReader, add_links, frame_of, laser_of
+from .scans import ScanReader, base_above, first_of, frame_of, frames_in, laser_of
 from .source import BagSource, OpenBag, Topic
 from .topics import (
     PoseTopic,
@@ -115,19 +113,23 @@ class BagRecording:
             self._laser, mounted = np.eye(4), ""
             if self.chosen.scan is not None:
                 self._laser, mounted = laser_of(bag, self.chosen.scan, self.chosen.odometry)
-            self._events = _events_topic(bag) if recorded_as_measured(first) else None
+            self.clock_ns = clock_ns(first)  # see `read_bag`
+            self._events = _events_topic(bag)
             self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
             start, given = start_in(bag, self.chosen.scan or self.chosen.image)
+            maps = [topic for topic in map_topics(bag.topics)[:1] if topic.count > 1 and self.chosen.scan]
+            maps_said = "".join(f"its map is the last of {topic.count} at {topic.name}" for topic in maps)
             truth = self.chosen.truth
             self._doubt = ""
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
-            own |= {topic.name for topic in _start_topics(bag, self.chosen.scan) if given}
+            own |= {topic.name for topic in start_topics(bag, self.chosen.scan) if given}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
-        self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted, given) if text)
+        said = (part_of(path), self.chosen.guess, looking, mounted, maps_said, given)
+        self._guessed = "; ".join(text for text in said if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
         cameras = (camera,) if camera else ()
@@ -152,14 +154,9 @@ class BagRecording:
         for text in () if self._ours else (self._guessed, self._doubt, self.not_read, clock, *planes):
             if text:
                 notes.warning(text)
-        late: dict[str, int] = {}
-
-        def skip(record: Timed) -> None:
-            late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
-
-        read = partial(read_bag, self.path, self.open_bag, recorded=bool(self.recorded_times))
         passes = [self.readers(roles) for roles in self._passes()]
-        streams = [in_order(read(readers, notes), skip) for readers in passes]
+        read = partial(read_bag, self.path, self.open_bag, notes=notes, clock_ns=self.clock_ns)
+        streams = [in_order(read(readers), notes) for readers in passes]
         # all records have a time; the types of heapq lose what they are
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for reader in (reader for readers in passes for reader in readers if isinstance(reader, PoseReader)):
@@ -167,10 +164,6 @@ class BagRecording:
                 notes.left_plane(
                     str(reader.route), reader.out_of_plane.tilt_rad, reader.out_of_plane.height_m, text
                 )
-        for kind, count in late.items():
-            notes.warning(
-                f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"
-            )
 
     def _passes(self) -> list[tuple[str, ...]]:
         """Return the roles that are read together: one at a time where offsets would break the order."""
@@ -269,9 +262,15 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
 START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
 
 
-def _start_topics(bag: BagSource, seen: str | None) -> list[Topic]:
+def start_topics(bag: BagSource, seen: str | None) -> list[Topic]:
+    """Return the topics by which somebody gives a localizer its pose."""
     poses = readable(of_robot(bag.topics, seen), {POSE_WITH_COVARIANCE})
     return [topic for topic in poses if "initialpose" in topic.name]
+
+
+def pose_in_words(pose: F64) -> str:
+    """Return a pose (3,) in the plane as text."""
+    return f"{pose[0]:.2f}, {pose[1]:.2f} m, {math.degrees(pose[2]):.0f} deg"
 
 
 def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
@@ -279,11 +278,11 @@ def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
     first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
     if first_ns is None:
         return None, ""
-    for topic in _start_topics(bag, seen):
+    for topic in start_topics(bag, seen):
         for message, content in first_messages(bag, topic.name, 1):
             with suppress(*MESSAGE_ERRORS):
-                x_m, y_m, turn = pose = pose_of(content)
-                words = f"{topic.name} is at {x_m:.2f}, {y_m:.2f} m, {math.degrees(turn):.0f} deg"
+                pose = pose_of(content)
+                words = f"{topic.name} is at {pose_in_words(pose)}"
                 after_s = (message.log_ns - first_ns) / 1e9
                 if after_s <= START_WITHIN_S:
                     return pose, f"the drive starts where {words}"
@@ -301,13 +300,19 @@ def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
     """Return the camera of a topic of pictures, and a remark on its yaw; None and "" where unknown."""
     if image is None:
         return None, ""
-    camera, frame = _calibrated(bag, image), _frame_of(bag, image)
-    for base in BASES if frame else ():
-        yaw_rad = _yaw(bag, base, frame)
-        if yaw_rad is not None:
-            remark = f"camera yaw {math.degrees(yaw_rad):.1f} deg by the static transform {base} to {frame}"
-            return replace(camera or Camera(image), yaw_rad=yaw_rad), remark
-    return camera, ""
+    camera, frame = _calibrated(bag, image), frame_of(first_of(bag, image))
+    tree = frames_in(bag, bag.topics, static_only=True)
+    base = base_above(tree, frame)
+    place = None if base is None else tree.place(base, frame)
+    if place is None:
+        return camera, ""
+    turned = place[:3, :3]
+    axis = "z" if "optical" in frame else forward_axis([turned])
+    if leaning(turned, axis) > STEEP_RAD:
+        return camera, ""
+    yaw_rad = float(planar(place[:3, 3], turned, axis)[2])
+    remark = f"camera yaw {math.degrees(yaw_rad):.1f} deg by the static transform {base} to {frame}"
+    return replace(camera or Camera(image), yaw_rad=yaw_rad), remark
 
 
 def _calibrated(bag: BagSource, image: str) -> Camera | None:
@@ -324,25 +329,6 @@ def _camera(name: str, calibration: Any) -> Camera:
     width, height, focal = int(calibration.width), int(calibration.height), float(matrix[0])
     view = 2 * math.atan2(width / 2, focal) if focal > 0 and width > 0 else None
     return Camera(name, width or None, height or None, view)
-
-
-def _frame_of(bag: BagSource, image: str) -> str:
-    for _, content in first_messages(bag, image, 1):
-        return frame_of(content)
-    return ""
-
-
-def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
-    tree = FrameTree()
-    for topic in readable(bag.topics, TRANSFORMS):
-        if "static" in topic.name:
-            add_links(tree, bag, topic.name, MOST_STATIC)
-    place = tree.place(base, frame)
-    if place is None:
-        return None
-    turned = place[:3, :3]
-    axis = "z" if "optical" in frame else forward_axis([turned])
-    return None if leaning(turned, axis) > STEEP_RAD else float(planar(place[:3, 3], turned, axis)[2])
 
 
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}

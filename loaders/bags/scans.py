@@ -7,7 +7,7 @@ infinity and NaN say nothing, and neither does 0, which many drivers write.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -19,12 +19,13 @@ from maurice_mcl.values import F64, LaserScan
 from ..reading.recording import Scan, scan_fault
 from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, MessageError, links_of, matrix_of
 from .readers import OneTopic, Timed, first_messages, time_s
-from .source import BagSource, Message
+from .source import BagSource, Message, Topic
 from .topics import PoseTopic, of_robot, readable
 
 BASES = ("base_link", "base_footprint")
 TILTED_RAD = math.radians(5)  # a laser that is tilted by less is called level
-REACH_M = 30.0  # of the lasers of Foxglove's messages, which state none
+REACH_M = 30.0  # of a laser whose messages state none, as Foxglove's
+END_STEPS = 3  # by which the last beam may be elsewhere than a message says
 LONGEST_SWEEP_S = 1.0  # of one scan; times between beams that make it longer are wrong
 MOST_STATIC = 1000  # messages of static transforms that are examined ...
 MOST_MOVING = 200  # ... and of others, among which some publish what is fixed
@@ -44,6 +45,7 @@ def scan_of(message: Any, place: F64) -> LaserScan:
     else:
         first, step = float(message.angle_min), float(message.angle_increment)
         least_m, most_m = float(message.range_min), float(message.range_max)
+        most_m = most_m if 0 < most_m < math.inf else REACH_M
     ranges_m = np.array(message.ranges, np.float32)  # a null of rosbridge becomes NaN
     ranges_m[ranges_m <= 0] = np.nan
     side = -1.0 if upside_down(place) else 1.0
@@ -90,15 +92,21 @@ class ScanReader(OneTopic):
 
 def laser_of(bag: BagSource, topic: str, odometry: PoseTopic | None) -> tuple[F64, str]:
     """Return the place (4, 4) of a topic's laser on the robot, and a remark on it."""
-    frame, tree = _frame(bag, topic), FrameTree()
-    for most, static in (
-        (MOST_MOVING, False),
-        (MOST_STATIC, True),
-    ):  # the latter last: they are to be trusted
-        for entry in readable(of_robot(bag.topics, topic), TRANSFORMS):
-            if ("static" in entry.name) is static:
-                add_links(tree, bag, entry.name, most)
-    return placed(tree, frame, _robot_frame(bag, odometry))
+    first, tree = first_of(bag, topic), frames_in(bag, of_robot(bag.topics, topic))
+    place, remark = placed(tree, frame_of(first), _robot_frame(bag, odometry))
+    return place, remark + _ends(first)
+
+
+def _ends(message: Any) -> str:
+    """Return a remark on a scan whose beams end elsewhere than its `angle_max` says, if it does."""
+    if not (hasattr(message, "angle_max") and len(message.ranges)):
+        return ""
+    step, count = float(message.angle_increment), len(message.ranges)
+    told, last = float(message.angle_max), float(message.angle_min) + step * (count - 1)
+    if abs(last - told) <= END_STEPS * abs(step):
+        return ""
+    ends = f"its {count} beams end at {math.degrees(last):.0f} deg by angle_increment, which is used"
+    return f"; {ends}, and at {math.degrees(told):.0f} deg by angle_max"
 
 
 def placed(tree: FrameTree, frame: str, robot: str = "") -> tuple[F64, str]:
@@ -123,19 +131,21 @@ def base_above(tree: FrameTree, frame: str, robot: str = "") -> str | None:
     return next((name for name in (robot, *usual) if name in above), None)
 
 
-def add_links(tree: FrameTree, bag: BagSource, topic: str, most: int) -> None:
-    """Add the first transforms of a topic to a tree."""
-    for _, content in first_messages(bag, topic, most):
-        with suppress(*MESSAGE_ERRORS):
-            for link in links_of(content):
-                tree.add(link)
+def frames_in(bag: BagSource, topics: Sequence[Topic], *, static_only: bool = False) -> FrameTree:
+    """Return the first transforms of some topics; static ones come last, as they are to be trusted."""
+    tree = FrameTree()
+    for topic in sorted(readable(topics, TRANSFORMS), key=lambda topic: "static" in topic.name):
+        moving = 0 if static_only else MOST_MOVING
+        for _, content in first_messages(bag, topic.name, MOST_STATIC if "static" in topic.name else moving):
+            with suppress(*MESSAGE_ERRORS):
+                for link in links_of(content):
+                    tree.add(link)
+    return tree
 
 
-def _frame(bag: BagSource, topic: str) -> str:
-    """Return the frame that a topic's first message is in; "" where it names none."""
-    for _, content in first_messages(bag, topic, 1):
-        return frame_of(content)
-    return ""
+def first_of(bag: BagSource, topic: str) -> Any:
+    """Return the first message of a topic; None for one that cannot be decoded."""
+    return next((content for _, content in first_messages(bag, topic, 1)), None)
 
 
 def frame_of(message: Any) -> str:
@@ -146,6 +156,4 @@ def frame_of(message: Any) -> str:
 def _robot_frame(bag: BagSource, odometry: PoseTopic | None) -> str:
     if odometry is None or odometry.frames is not None:
         return "" if odometry is None or odometry.frames is None else odometry.frames[1]
-    for _, content in first_messages(bag, odometry.topic, 1):
-        return str(getattr(content, "child_frame_id", "")).lstrip("/")
-    return ""
+    return str(getattr(first_of(bag, odometry.topic), "child_frame_id", "")).lstrip("/")

@@ -39,6 +39,10 @@ MAIN_LASER = re.compile(r"(^|/)(base_)?scan$")
 NO_MAP = re.compile(r"costmap|mask|local_?map|submap", re.I)
 LAST = re.compile(r"depth|infra|(^|[/_])ir([/_]|$)|disparity|mask|debug|thermal|right|rear|back", re.I)
 HOUSEKEEPING = re.compile(r"^(rcl_interfaces|rosgraph_msgs|diagnostic_msgs|bond|dynamic_reconfigure)/")
+PROJECTORS = {  # what makes scans of points
+    "sensor_msgs/PointCloud2": "pointcloud_to_laserscan",
+    "sensor_msgs/MultiEchoLaserScan": "laser_proc",
+}
 SHOWN = 12  # topics that an error or a remark lists
 
 
@@ -118,7 +122,7 @@ def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Return the error of a bag with neither pictures nor poses, which lists what it has."""
     wanted = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
-    more += [advice] if (advice := _video_advice(topics)) else []
+    more += [advice for advice in (_video_advice(topics), _points_advice(topics)) if advice]
     parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
     return "; ".join(parts)
 
@@ -185,6 +189,11 @@ def map_topics(topics: Sequence[Topic]) -> list[Topic]:
 def _video_advice(topics: Sequence[Topic]) -> str:
     videos = [] if can_decode() else readable(topics, VIDEOS)
     return _needs_extra(videos[0]) if videos else ""
+
+
+def _points_advice(topics: Sequence[Topic]) -> str:
+    points = [(topic.name, PROJECTORS[topic.type]) for topic in readable(topics, PROJECTORS)]
+    return f"{points[0][0]} is not read: record the scans that {points[0][1]} makes of it" if points else ""
 
 
 def _needs_extra(topic: Topic) -> str:
@@ -306,5 +315,6 @@ def _guess_in_words(
     choices = ", ".join(role[1] for role in guessed)
     also = f"also there: {listed(others)}" if others else ""
     video = "" if choice.image else _video_advice(topics)
-    parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", video)
+    points = "" if choice.image or choice.scan else _points_advice(topics)
+    parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", video, points)
     return "; ".join(text for text in parts if text), also

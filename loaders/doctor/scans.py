@@ -26,6 +26,7 @@ LEAST_USED = 0.5  # share of the scans
 BEAMS, MOST_SCANS = 180, 20_000  # that are kept: of one scan, and of a recording
 PAIRS, LATE_PAIRS = 60, 120  # of scans, spread over the drive: for the mount, and for the clock
 WAY_M, TURN_RAD = (0.3, 1.2), (0.25, 0.9)  # between the two of a pair
+FARTHEST_M = 300.0  # no planar laser sees farther
 FAR_M = 0.3  # from the nearest point: farther counts no more
 FEWEST_PAIRS = 8
 CLEAR_T = 4.0  # standard errors by which another mount or clock fits better
@@ -33,6 +34,11 @@ CLEAR_SHARE, LATE_SHARE = 0.8, 0.9  # of the distance that is left then, for a m
 LEAST_YAW_DEG, LEAST_OFFSET_S = 8, 0.08
 OFFSETS_S = np.arange(-20, 21) * 0.05
 EQUAL_M, EQUAL_RAD, EQUAL_SHARE = 2e-3, 2e-3, 0.9  # odometry and truth that are one
+BODY_M, SAME_M = 1.0, 0.03  # a beam that stays within the latter of a range below the former ...
+BODY_SHARE, BODY_BEAMS = (
+    0.6,
+    0.02,
+)  # ... in this share of the headings is the robot's own; of all beams, least
 CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
@@ -82,6 +88,9 @@ def examine_scans(
     findings, checks = [*_truth_is_odometry(drive), *_capped(scans)], [f"{scans.size} scans"]
     findings += _unused(scans, drive, near_s)
     paths = [path for path in (_truth_path(drive), _odometry_path(drive)) if path is not None]
+    for body in _own_body(scans, *paths[0]) if paths else ():
+        findings.append(body)
+        scans = replace(scans, scans=tuple(replace(s, min_m=body.numbers["range_m"]) for s in scans.scans))
     pairs = _pairs(scans, *paths[0]) if paths else []
     mirrored = False
     if len(pairs) >= FEWEST_PAIRS:
@@ -211,16 +220,31 @@ def _elsewhere(pairs: list[_Pair]) -> list[Finding]:
 
 def _unused(scans: RecordedScans, drive: RecordedDrive, near_s: float) -> list[Finding]:
     """Return why most scans, or most pictures with a scan, say nothing to a filter, if that is so."""
-    hits = np.array([int(scan.hits.sum()) for scan in scans.scans]) >= LEAST_HITS
+    hits = [scan.hits & (scan.ranges_m < FARTHEST_M) for scan in scans.scans]
     others = {"pictures": drive.picture_t_s if drive.sees == "pictures" else np.zeros(0)}
     others |= {"odometry": drive.odometry.t_s if drive.odometry.poses else np.zeros(0)}
-    used = {"hits": float(hits.mean())}
+    used = {"hits": float(np.mean([some.sum() >= LEAST_HITS for some in hits]))}
     used |= {name: _near(scans.t_s, times, near_s) for name, times in others.items() if len(times)}
     why = min(used, key=lambda name: used[name])
     if used[why] >= LEAST_USED:
         return []
     values = {"share": used[why], "near_s": near_s, "hits": LEAST_HITS}
     return [Finding("scans-unused", (Evidence(f"scans-{why}", values),), details={"why": why, **values})]
+
+
+def _own_body(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
+    """Return a finding where beams read one short range at all headings, as of the robot's own body."""
+    headings = (_at(scans.t_s, t_s, poses)[:, 2] // TURN_RAD[0]).astype(int)
+    some = [scans.scans[k] for k in np.unique(headings, return_index=True)[1]]
+    some = [scan for scan in some if scan.size == some[0].size]
+    ranges_m = np.array([np.where(scan.hits, scan.ranges_m, np.float32(np.inf)) for scan in some])
+    middle_m = np.median(ranges_m, axis=0)
+    own = np.flatnonzero(middle_m < BODY_M)
+    own = own[(np.abs(ranges_m[:, own] - middle_m[own]) < SAME_M).mean(axis=0) > BODY_SHARE]
+    if len(some) < FEWEST_PAIRS or len(own) < BODY_BEAMS * some[0].size:
+        return []
+    numbers = {"share": len(own) / some[0].size, "range_m": float(middle_m[own].max()) + 2 * SAME_M}
+    return [Finding("own-body", (Evidence("same-range", numbers | {"scans": len(some)}),), numbers)]
 
 
 def _near(t_s: F64, others: F64, near_s: float) -> float:

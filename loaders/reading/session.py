@@ -163,8 +163,9 @@ class RecordedSession(HasReadingNotes):
     @property
     def gate(self) -> Gate:
         """How far the robot goes before a picture or scan is used."""
-        scans = self.observed.name == SCANS and self.odometry is not None  # else no scan would be far enough
-        return gate_of(self.options, scans=scans)
+        if self.odometry is None:  # nothing would be far enough
+            return Gate()
+        return gate_of(self.options, scans=self.observed.name == SCANS)
 
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:

@@ -79,8 +79,8 @@ class AsRecorded:
 
     def step(self, frame: Frame, update: RecordedUpdate, origin: F64) -> tuple[Moment, StepRecord]:
         """Return moment and record of an update."""
-        events = (_shown(self.localizer),) if frame.step == 1 else ()
-        moment = Moment(frame, update.truth, events)
+        shown = (_shown(self.localizer),) if frame.step == 1 else ()
+        moment = Moment(frame, update.truth, (*shown, *update.events))
         return moment, record_of(frame, update, self._belief(update, origin), self.radii)
 
     def _image(self, update: RecordedUpdate) -> U8:
@@ -218,7 +218,7 @@ class RecordedFrames:
     def moments(self) -> Iterator[Moment]:
         """Yield them from the first, with pictures and scans."""
         for frame, updates in _framed(self.recorded):
-            yield Moment(frame, updates[0].truth)
+            yield Moment(frame, updates[0].truth, updates[0].events)
 
 
 def scene_of_recorded(recorded: Sequence[AsRecorded]) -> Scene:

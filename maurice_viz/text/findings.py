@@ -119,6 +119,7 @@ WHAT: Mapping[str, Text] = {
     "scan-delay": lambda v: f"scans are stamped {abs(v['delay_s']):.2g} s too {_late(v)} for the odometry",
     "odometry-is-truth": "odometry repeats the truth: it was made from it, and has no errors to localize by",
     "max-range": "beams that hit nothing read {range_m:.4g} m, as if they had hit something there",
+    "own-body": "{share:.0%} of the beams see the robot itself",
     "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
     "map-frame": (
         "the scans fit the map, but not where the truth has them, where {agree:.0%} of the beams agree: "
@@ -201,6 +202,9 @@ FIX: Mapping[str, Text] = {
     "scan-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the scans')}",
     "odometry-is-truth": "take wheel odometry; --reading odometry_from_truth=true makes some with noise",
     "max-range": "--set sensor.laser.laser_max_range={range_m:.4g}, or a range_max below it in the scans",
+    "own-body": (
+        "--set sensor.laser.laser_min_range={range_m:.2f}, as in AMCL, or leave these beams out of the scans"
+    ),
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
     "map-frame": "correct origin in map.yaml, or give the truth in the map's frame",
     "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
@@ -278,6 +282,7 @@ EVIDENCE: Mapping[str, Text] = {
     ),
     "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
     "capped": "{share:.0%} of the beams read that range, the longest of all; the reach is {reach:.4g} m",
+    "same-range": "in {scans} scans of different headings they read the same, less than {range_m:.2f} m",
     "fit-where": "where each of {scans} scans fits best on the map",
     "scans-hits": "so few are a model's least, and a scan with fewer says nothing",
     "scans-pictures": "pictures make the steps, each with the scan nearest to it",

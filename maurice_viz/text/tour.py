@@ -144,7 +144,8 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     if last.kind == SEARCHING:
         return Outcome("found {itself}, after a wrong place", step, "at step ", alone=fresh)
     if len(episodes) == 1:
-        return Outcome("found {itself} again", step, "at step ", alone=f"{fresh}{because}")
+        did = "found {itself} again" if last.given is None else "{was} lost until somebody gave a pose"
+        return Outcome(did, step, "at step ", alone=f"{fresh}{because}")
     return Outcome("{was} lost again and again", step, f"{len(episodes)} times, until step ", alone=because)
 
 

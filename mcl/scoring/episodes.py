@@ -37,6 +37,7 @@ class Episode:
     noticed: int | None = None  # step at which the lost signal, which knows no truth, began to doubt the run
     lost: int | None = None  # step at which it was declared lost: the fourth too far off in a row
     localized: int | None = None  # first step at which it was localized (again)
+    given: int | None = None  # step of it, or at its end, at which somebody gave the localizer a pose
     steps: int = 0  # how many steps it lasted
     fresh: int = 0  # particles that recovery drew in these
     sure: int = 0  # steps of them wrong and confident
@@ -70,9 +71,10 @@ class Episode:
         """How it ended, in words: "localized again from step 47"; empty where the account says it."""
         if self.kind in (SEARCHING, PROBABLY_LOST):
             return ""
-        return (
-            "not localized again" if self.localized is None else f"localized again from step {self.localized}"
-        )
+        if self.localized is None:
+            return "not localized again"
+        given = "" if self.given is None else f", given a pose at step {self.given}"
+        return f"localized again from step {self.localized}{given}"
 
     @property
     def is_sure(self) -> bool:
@@ -114,6 +116,7 @@ class EpisodeFinder:
     _since: int = 0  # of them, how many a kidnapping does not part from now
     _off: int = 0  # updates in a row that were too far off
     _knew: bool = False  # whether it knew where it is: from the start, or once localized
+    _given: int = 0  # the last step at which somebody gave the localizer a pose
     _open: bool = False  # whether the last episode is going on
     _doubts: bool = False  # whether the signal doubted the last update
 
@@ -127,6 +130,7 @@ class EpisodeFinder:
             moment.frame.step,
             score,
             kidnapped=moment.kidnapped,
+            given=bool(moment.told("given")),
             doubted=self.signal.probably_lost,
             fresh=0 if record.injected is None else int(record.injected.sum()),
             bereft=bereft,
@@ -138,6 +142,7 @@ class EpisodeFinder:
         score: StepScore,
         *,
         kidnapped: bool = False,
+        given: bool = False,
         doubted: bool = False,
         fresh: int = 0,
         bereft: bool = False,
@@ -145,7 +150,7 @@ class EpisodeFinder:
         """Process the next update from its score; see `add`."""
         update = _Update(step, score, fresh, bereft)
         self._doubt(step, doubted)
-        self._step, self.score = step, score
+        self._step, self.score, self._given = step, score, step if given else self._given
         if score.correct is None and not kidnapped:  # without truth nothing begins or ends
             if self._open:
                 self._change(replace(self.episodes[-1], last=step))
@@ -217,6 +222,7 @@ class EpisodeFinder:
         episode = replace(
             _with(episode, after, -1),
             localized=step,
+            given=self._given if episode.first < self._given <= step else None,
             last=before[-1] if before else step,
             wrong=wrong,
             noticed=noticed,

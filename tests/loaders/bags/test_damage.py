@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 from helpers import bags as making
 from helpers.bags import Ros, Said
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import open_session
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 
 
@@ -313,6 +313,14 @@ def test_a_whole_one_is_read_in_order(bag: Path) -> None:
     times = [moment.frame.time_s for moment in open_session(bag).moments()]
     assert len(times) == UPDATES
     assert times == sorted(times)
+
+
+def test_one_of_several_files_says_so(bag: Path) -> None:
+    told = f"this is one of {PARTS} files of the recording in {bag}: name that folder to read all"
+    assert [told in open_recording(file).info.notes[0] for file in files_of(bag)] == [True] * PARTS
+    assert told not in open_recording(bag).info.notes[0]
+    lone = Path(shutil.copy(files_of(bag)[1], bag.parent))
+    assert told not in open_recording(lone).info.notes[0]
 
 
 def test_a_part_that_is_damaged_no_bag_or_gone_is_named(bag: Path, storage: str) -> None:

@@ -134,6 +134,23 @@ def test_poses_with_covariance_are_shown_without_a_cloud(tmp_path: Path) -> None
     assert file.stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("unstamped", [False, True])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_poses_that_somebody_gave_are_events_of_their_steps(
+    weighted: bool, unstamped: bool, tmp_path: Path
+) -> None:
+    ros = Ros(2)
+    said = making.amcl_drive(ros, weighted=weighted)
+    for after_ms in (0, 350):
+        t_ns = BEGIN_NS + after_ms * 10**6
+        pose = ros.unsure(0 if unstamped else t_ns, (1.0, 2.0, 0.5))
+        said.append(Said("/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns, pose))
+    bag = making.write_ros2(tmp_path / "b", sorted(said, key=lambda one: one.log_ns))
+    told = ("given a pose: 1.00, 2.00 m, 29 deg (/initialpose)",)
+    assert [moment.told("given") for moment, _ in updates_shown(bag)] == [told, (), told, ()]
+    assert len(updates(bag)) == 4
+
+
 def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
     ros = Ros(2)
     said = making.amcl_drive(ros)

@@ -22,7 +22,7 @@ from helpers.recordings import counted, read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.recording import Picture
+from maurice_loaders.reading.recording import OdometryPose, Picture, Scan
 from maurice_loaders.reading.session import RecordedSession
 
 Write = Callable[[Path], Path]
@@ -238,6 +238,47 @@ def test_missing_stamps_and_clocks_that_disagree_are_told_of(tmp_path: Path) -> 
     assert max(r.t_s for r in records) - min(r.t_s for r in records) < 2
     assert any("the clocks of /odom" in text and "79.998 s apart" in text for text in warnings)
     assert open_session(path).overview() == (5, True)
+
+
+@pytest.mark.parametrize("slowness", [1, 30])
+@pytest.mark.parametrize("write", [making.write_ros1, making.write_ros2])
+def test_what_has_no_stamp_is_put_on_the_clock_of_a_simulation(
+    write: Callable[..., Path], slowness: int, tmp_path: Path
+) -> None:
+    """Stamps count from the simulation's start, and the recording's clock is that of the wall."""
+    ros, wall_ns = Ros(1 if write is making.write_ros1 else 2), 3 * 10**17
+    said = making.laser_drive(ros)
+    for t_ns in [one.log_ns + 1000 for one in said if one.topic == "/odom"]:
+        said.append(Said("/battery", "std_msgs/Float32", t_ns, ros.new("std_msgs/Float32", data=12.0)))
+        said.append(Said("/events", "std_msgs/String", t_ns, ros.new("std_msgs/String", data="a bump")))
+    said.sort(key=lambda one: one.log_ns)
+    plain, _ = read(write(tmp_path / "plain.bag", said))
+    simulated = [replace(one, log_ns=BEGIN_NS + wall_ns + slowness * (one.log_ns - BEGIN_NS)) for one in said]
+    records, warnings = read(write(tmp_path / "sim.bag", simulated))
+    assert not any("left out" in text for text in warnings)
+    assert Counter(map(type, records)) == Counter(map(type, plain))
+    for kind in {type(record) for record in plain}:
+        times, wanted = ([one.t_s for one in some if isinstance(one, kind)] for some in (records, plain))
+        exact = kind in (OdometryPose, Scan)
+        np.testing.assert_allclose(times, wanted, atol=1e-6 if exact else 2e-6 * slowness)
+
+
+def test_of_two_drives_in_a_bag_the_first_is_read_and_the_other_told_of(tmp_path: Path) -> None:
+    """As of a simulation that was started again: stamps begin anew, and go on for longer than at first."""
+    ros, first = Ros(2), making.laser_drive(Ros(2), 60)
+    second = making.laser_drive(ros, 90)
+    said = first + [replace(one, log_ns=one.log_ns + 13 * 10**9) for one in second]
+    whole, _ = read(making.write_ros2(tmp_path / "one", first))
+    records, warnings = read(making.write_ros2(tmp_path / "two", said))
+    assert [record.t_s for record in records] == [record.t_s for record in whole]
+    (scans,) = [text for text in warnings if "(Scan) were left out: their times begin again" in text]
+    assert scans.startswith("90 records")
+    assert "record each drive to a bag of its own" in scans
+    stray = [
+        replace(one, message=ros.odometry(BEGIN_NS, (0, 0, 0))) for one in first[-3:] if "odom" in one.topic
+    ]
+    records, warnings = read(making.write_ros2(tmp_path / "stray", [*first[:-30], *stray, *first[-30:]]))
+    assert len(records) == len(whole)  # a few wrong stamps are no other drive
 
 
 def test_events_are_texts_and_the_camera_is_described_where_the_bag_knows_it(tmp_path: Path) -> None:

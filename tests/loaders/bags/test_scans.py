@@ -19,7 +19,7 @@ from helpers.bags import BEGIN_NS, LASER_AT, Ros, Said
 from maurice_loaders.bags.maps import map_in
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.maps import read_occupancy
-from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import OdometryPose, Record, Scan, TruthPose, checked
 
@@ -109,6 +109,22 @@ def test_ranges_are_read_as_rep_117_has_them(tmp_path: Path) -> None:
     assert scans(path)[0].scan.hits.tolist() == [False, True]  # though 0 is no less than the least range
 
 
+@pytest.mark.parametrize("reach_m", [0.0, np.inf, np.nan])
+def test_a_reach_that_is_not_stated_is_one_of_30_m(reach_m: float, tmp_path: Path) -> None:
+    scan = scans(one_scan(tmp_path, [1.0, 29.0, 31.0, np.inf], range_max=reach_m))[0].scan
+    assert scan.max_m == 30
+    assert scan.hits.tolist() == [True, True, False, False]
+
+
+def test_the_beams_of_angle_increment_count_and_another_angle_max_is_told_of(tmp_path: Path) -> None:
+    """Drivers that are off by a beam are many, and told of by none."""
+    step = np.pi / 100
+    for beams_off, told in ((0, False), (1, False), (-1, False), (100, True), (-50, True)):
+        path = one_scan(tmp_path / str(beams_off), [1.0] * 101, angle_max=np.pi / 2 + beams_off * step)
+        assert scans(path)[0].scan.angles_rad[-1] == pytest.approx(np.pi / 2)
+        assert ("end at 90 deg by angle_increment, which is used, and at" in remark(path)) == told
+
+
 def test_the_time_is_that_of_the_middle_beam(tmp_path: Path) -> None:
     path = one_scan(tmp_path, [1.0] * 101, time_increment=0.002)
     assert scans(path)[0].t_s == pytest.approx(BEGIN_NS / 1e9 + 0.1, abs=1e-6)
@@ -184,15 +200,14 @@ def test_the_main_laser_is_guessed_and_another_may_be_asked_for(
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ({"range_max": 0.0}, "found ranges from 0.1 to 0 m"),
-        ({"range_max": np.inf}, "to inf m"),
+        ({"range_min": 9.0}, "found ranges from 9 to 8 m"),
         ({"angle_increment": 0.0}, "in steps of 0 rad"),
         ({"angle_min": np.nan}, "found beams from nan rad"),
     ],
 )
 def test_a_broken_scan_is_named_in_one_line(more: dict[str, float], told: str, tmp_path: Path) -> None:
     path = one_scan(tmp_path, [1.0], **more)
-    with pytest.raises(InputError, match=f"message 1 of /scan .*{told}") as refused:
+    with pytest.raises(InputError, match=f"message 1 of /scan .*{told}.*--keep-going") as refused:
         records(path)
     assert "\n" not in str(refused.value)
 
@@ -230,9 +245,35 @@ def test_the_map_of_a_bag(tmp_path: Path) -> None:
     assert list(open_recording(path, ReadingOptions()).records(notes))
     assert not any("/map" in text for text in notes.warnings)  # it is read, and not named as left out
     assert map_in(making.write_ros1(tmp_path / "none.bag", making.laser_drive(ros))) is None
+    grown = replace(grid, log_ns=BEGIN_NS + 10**9, message=ros.grid(np.full((3, 3), 100) * np.eye(3)))
+    path = making.write_ros1(tmp_path / "grown.bag", [grid, *making.laser_drive(ros), grown])
+    last = map_in(path)  # as of a SLAM, whose map grows
+    assert last is not None
+    assert last.cells.tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert "its map is the last of 2 at /map" in remark(path)
     empty = Said("/map", "nav_msgs/OccupancyGrid", BEGIN_NS, ros.grid(percents * 0))
     with pytest.raises(InputError, match="its map /map cannot be used: found no occupied cell"):
         map_in(making.write_ros1(tmp_path / "empty.bag", [empty]))
+
+
+def test_where_there_are_only_points_it_is_told_how_to_make_scans(tmp_path: Path) -> None:
+    ros, drive = Ros(2), making.laser_drive(Ros(2))
+    fields = {"height": 1, "width": 0, "fields": [], "is_bigendian": False, "point_step": 12}
+    fields |= {"row_step": 0, "data": np.zeros(0, np.uint8), "is_dense": True}
+    points = ros.new("sensor_msgs/PointCloud2", header=ros.header(BEGIN_NS, "laser"), **fields)
+    cloud, told = Said("/points", "sensor_msgs/PointCloud2", BEGIN_NS, points), "scans that pointcloud_to_"
+    odometry = [said for said in drive if said.topic == "/odom"]
+    assert told in remark(making.write_ros2(tmp_path / "moving", [cloud, *odometry]))
+    assert told not in remark(making.write_ros2(tmp_path / "scans", [cloud, *drive]))
+    with pytest.raises(InputError, match=told):
+        open_recording(making.write_ros2(tmp_path / "alone", [cloud]), ReadingOptions())
+
+
+def test_without_odometry_every_scan_is_used_whatever_the_way_between_them(tmp_path: Path) -> None:
+    said = [one for one in making.laser_drive(Ros(2)) if one.topic != "/odom"]
+    path = making.write_ros2(tmp_path / "b", said)
+    for options in (ReadingOptions(), ReadingOptions(min_distance_m=0.25, min_angle_rad=0.2)):
+        assert len(list(open_session(path, options).moments())) == 5
 
 
 @pytest.mark.slow

@@ -125,6 +125,33 @@ def test_a_reach_that_is_taken_for_a_hit_is_found(drive: tuple[Path, Library], t
     assert found.findings[0].numbers["range_m"] == 5.5
 
 
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_beams_that_see_the_robot_itself_are_found_and_no_map_is_blamed(
+    drive: tuple[Path, Library], tmp_path: Path, noise_m: float
+) -> None:
+    rng = np.random.default_rng(0)
+
+    def seeing_itself(scan: dict[str, Any]) -> None:
+        count = len(scan["ranges_m"]) // 5
+        scan["ranges_m"][:count] = (0.2 + noise_m * rng.normal(size=count)).tolist()
+
+    found = examine(broken(drive[0], tmp_path / "b.log", seeing_itself), USUAL, drive[1])
+    assert codes(found) == ["own-body"]
+    assert found.findings[0].numbers["share"] == pytest.approx(0.2, abs=0.02)
+    assert found.findings[0].numbers["range_m"] == pytest.approx(0.26, abs=0.03)
+
+
+def test_ranges_in_millimeters_are_scans_that_say_nothing(
+    drive: tuple[Path, Library], tmp_path: Path
+) -> None:
+    def in_millimeters(scan: dict[str, Any]) -> None:
+        scan["ranges_m"] = [r if r in (None, "inf") else 1000 * r for r in scan["ranges_m"]]
+        scan["max_m"] *= 1000
+
+    found = examine(broken(drive[0], tmp_path / "mm.log", in_millimeters), USUAL, None)
+    assert codes(found) == ["scans-unused"]
+
+
 def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -> None:
     log, library = drive
     grid = library.occupancy

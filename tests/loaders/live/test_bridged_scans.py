@@ -179,8 +179,8 @@ def test_pictures_and_scans_share_the_movement_between_them() -> None:
 def test_a_scan_that_no_laser_takes_is_left_out() -> None:
     translator = Translator(0.1)
     broken = json.loads(scan(1.0))
-    broken["msg"]["range_max"] = 0.0
+    broken["msg"]["angle_increment"] = 0.0
     messages = [mount(), odometry(1.0, 0.0), json.dumps(broken), odometry(1.1, 1.0), scan(1.1)]
     lines = list(heard(translator, ALONE, *messages))
     assert sum("scan" in line for line in lines) == 1
-    assert "found a scan that cannot be read (found ranges from 0.1 to 0 m" in str(translator.problems[0])
+    assert "found a scan that cannot be read (found beams from" in str(translator.problems[0])

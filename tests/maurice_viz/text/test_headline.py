@@ -45,6 +45,10 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
             wrong(BACK, end=NEAR),
             ["Kidnapped at step 61", "found itself again", "step 63", "100 new"],
         ),
+        (
+            wrong(replace(BACK, kind="lost", given=62, fresh=0), end=NEAR),
+            ["The filter was lost until somebody gave a pose (at step 63)"],
+        ),
         (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
         (
             RunVerdict(updates=5, first=1, last=5, has_truth=True, end=NEAR),  # too short to be scored

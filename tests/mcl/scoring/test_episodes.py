@@ -21,12 +21,19 @@ SCORES = {
 }
 
 
-def found(letters: str, doubts: range = range(0), fresh: range = range(0)) -> EpisodeFinder:
+def found(letters: str, doubts: range = range(0), fresh: range = range(0), given: int = 0) -> EpisodeFinder:
     """Follow a run of a score a step, from step 1; a small letter is a step at which it is kidnapped."""
     finder = EpisodeFinder()
     for step, letter in enumerate(letters, 1):
-        score, carried = SCORES[letter.upper()], letter.islower()
-        finder.see(step, score, kidnapped=carried, doubted=step in doubts, fresh=100 * (step in fresh))
+        score, new = SCORES[letter.upper()], 100 * (step in fresh)
+        finder.see(
+            step,
+            score,
+            kidnapped=letter.islower(),
+            given=step == given,
+            doubted=step in doubts,
+            fresh=new,
+        )
     return finder
 
 
@@ -40,6 +47,13 @@ def test_a_kidnapping_has_one_set_of_step_numbers():
     (back,) = found("RRRRRoO" + "R" * 6, fresh=range(6, 9)).episodes
     assert (back.wrong, back.lost, back.localized, back.last, back.is_failure) == (6, None, 8, 7, False)
     assert back.fresh == 200, "those of step 8 were drawn after it was right"
+
+
+@pytest.mark.parametrize(("given", "told"), [(8, 8), (11, 11), (12, None), (7, None), (0, None)])
+def test_a_pose_that_was_given_while_it_was_lost_put_it_right(given: int, told: int | None):
+    (one,) = found("RRRRRROOOORRRRR", given=given).episodes
+    assert one.given == told
+    assert ("given a pose" in one.ending) == (told is not None)
 
 
 def test_a_loss_begins_at_the_first_of_the_four_and_a_doubt_can_be_older():
