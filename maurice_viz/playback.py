@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
@@ -23,7 +24,7 @@ from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
-from maurice_mcl.values import F64, USUAL, Arena, Moment, Radii, StepRecord
+from maurice_mcl.values import F64, NO_PICTURE, USUAL, Arena, Moment, Radii, StepRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +73,11 @@ def run_together(
 def _compared(
     runs: Sequence[FilterRun], moments: Iterable[Moment], live: bool
 ) -> Iterator[tuple[Moment, tuple[Compared, ...]]]:
-    sensors = [run.localizer.sensor for run in runs]
-    if not live:
+    sensors, source = [run.localizer.sensor for run in runs], iter(moments)
+    first = list(islice(source, 1))
+    moments = chain(first, source)
+    # to compare a scan takes less than to hand it to another thread
+    if not live and not all(moment.frame.image is NO_PICTURE for moment in first):
         return compared_ahead(sensors, moments, known_descriptors())
     return ((moment, compared(sensors, moment.frame)) for moment in moments)
 

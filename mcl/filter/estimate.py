@@ -189,9 +189,10 @@ def _starts(xy: F64, weights: F64, reach_m: float) -> F64:
 def _start_single(xy: F64, weights: F64, reach_m: float) -> F64:
     """Return `_starts` of a single cloud, to the last bit, by fewer calls."""
     offsets = xy[:, 0] - xy.min(axis=2)
-    side_m = max(reach_m / CELLS_A_CLUSTER, float(offsets.max()) / MOST_CELLS_A_SIDE)
+    wide_m, high_m = offsets.max(axis=1).tolist()
+    side_m = max(reach_m / CELLS_A_CLUSTER, max(wide_m, high_m) / MOST_CELLS_A_SIDE)
     column, row = (offsets / side_m).astype(np.int64)
-    width, height = int(column.max()) + 1, int(row.max()) + 1
+    width, height = int(wide_m / side_m) + 1, int(high_m / side_m) + 1
     row *= width
     row += column
     raster = np.bincount(row, weights[0], width * height).reshape(height, width)
@@ -200,7 +201,7 @@ def _start_single(xy: F64, weights: F64, reach_m: float) -> F64:
     offsets -= [[side_m * (right + 0.5)], [side_m * (down + 0.5)]]
     squared, other = np.square(offsets, out=offsets)
     squared += other
-    squared[weights[0] <= 0] = np.inf
+    np.copyto(squared, np.inf, where=weights[0] <= 0)
     return xy[:, :, (squared <= squared.min() * (1 + TIE)).argmax()]
 
 
@@ -250,7 +251,7 @@ def _shift_single(center: F64, xy: F64, weights: F64, reach_m: float) -> F64:
         near = weights[0] * (np.square(x - now[0]) + np.square(y - now[1]) <= reach_m**2)
         total, last = float(near.sum()), now
         now = [dot(near, x) / total, dot(near, y) / total]
-        if np.hypot(now[0] - last[0], now[1] - last[1]) < SETTLED_M:
+        if math.hypot(now[0] - last[0], now[1] - last[1]) < SETTLED_M:
             break
     return np.array(now)[:, None]
 

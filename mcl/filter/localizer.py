@@ -308,9 +308,9 @@ def calibrated_evidence(proposal: ProposedParticles, sighting: Sighting) -> tupl
     """Return the log mean of exp(-cost) over the proposed particles: of all sensors, of each channel (C,)."""
     comparison, prior, known = sighting.comparison, proposal.prior_log_weights, sighting.known
     if not comparison.channels and known is None and sighting.sensed is not None:
-        inside = np.exp(prior + sighting.sensed)[sighting.entries >= 0]  # no reference says anything
-        with np.errstate(divide="ignore"):
-            return float(np.log(inside.sum())), np.zeros(0)
+        inside = np.exp(prior + sighting.sensed).compress(sighting.entries >= 0)  # no reference says anything
+        total = inside.sum()
+        return float(np.log(total)) if total else -np.inf, np.zeros(0)
     weights = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost), known)
     by_channel = log_mean_likelihood(comparison.channels_explained, weights)
     if sighting.sensed is not None:

@@ -166,9 +166,9 @@ class OdometryMotion:
         first = float(np.arctan2(left, forward)) if way > 0 else 0.0
         second = turn - first
         a, b = turns_of(motion, p.way_from_m)
-        first_sd = np.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
-        way_sd = np.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
-        second_sd = np.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)
+        first_sd = math.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
+        way_sd = math.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
+        second_sd = math.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)
         course = poses[:, 2] + (np.float32(first) + noise[:, 0] * np.float32(first_sd))
         length = np.float32(way) + noise[:, 1] * np.float32(way_sd)
         heading = course + (np.float32(second) + noise[:, 2] * np.float32(second_sd))
