@@ -63,10 +63,10 @@ def compare(
 ) -> RunScores:
     """Replay two to four runs side by side and return their scores; all after the first are compared with it.
 
-    Of one session, exactly one of the plural arguments has several values, a run each; without any, the
-    features color and blended are compared. Several sessions (paths, or opened ones) of one library are
-    replayed with one filter; saved runs (paths) are compared as they were. The other arguments are those of
-    `replay`.
+    Of one session, exactly one of the plural arguments has several values, a run each, but files of AMCL's
+    parameters go beside presets; without any, the features color and blended are compared. Several sessions
+    (paths, or opened ones) of one library are replayed with one filter; saved runs (paths) are compared as
+    they were. The other arguments are those of `replay`.
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
@@ -147,18 +147,25 @@ Given = Mapping[str, Sequence[Any]]  # by the names of RunSpec's fields, what wa
 def specs_of(given: Given) -> list[RunSpec]:
     """Return a run for each value of the one option that has several; the others hold for all.
 
-    Without any such option and without a feature, color and blended are compared. OptionError for others.
+    AMCL's parameters are a filter of their own, and compared with presets. Without any such option and
+    without a feature, color and blended are compared. OptionError for others.
     """
     several = [kind for kind, values in given.items() if len(values) > 1]
     if len(several) > 1:
         words = " and ".join(f"--{_option(kind)}" for kind in several)
         raise OptionError(f"{words} are given several times; give exactly one option several times")
+    amcl = given["config"] and RunSpec(config=given["config"][0]).amcl
+    if amcl and given["preset"] and several in ([], ["config"], ["preset"]):
+        return [*_runs("config", {**given, "preset": ()}), *_runs("preset", {**given, "config": ()})]
     if not several and given["feature"]:
         raise OptionError(f"found 1 run to compare; give one of {KINDS} several times")
-    kind = several[0] if several else "feature"
-    values = given[kind] if several else COLOR_AND_BLENDED
-    common = {name: value[0] for name, value in given.items() if value and name != kind}
-    named = zip(values, _names(kind, values), strict=True)
+    return _runs(several[0], given) if several else _runs("feature", {**given, "feature": COLOR_AND_BLENDED})
+
+
+def _runs(kind: str, given: Given) -> list[RunSpec]:
+    """Return a run for each value of one option; the first of every other holds for all."""
+    common = {name: values[0] for name, values in given.items() if values and name != kind}
+    named = zip(given[kind], _names(kind, given[kind]), strict=True)
     return [RunSpec(**common, **{kind: value}, name=name) for value, name in named]
 
 

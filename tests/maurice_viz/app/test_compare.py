@@ -64,6 +64,18 @@ def test_exactly_one_kind_of_option_differs_and_names_the_runs(small_session, tm
     assert labels_of(out) == labels
 
 
+@pytest.mark.parametrize(("more", "labels"), [([], ["mine"]), (["--amcl", "b.yaml"], ["mine", "b"])])
+def test_amcls_parameters_are_compared_with_a_preset(tmp_path, monkeypatch, more, labels):
+    monkeypatch.chdir(tmp_path)
+    maurice("simulate", "tracking", "--laser", "--world", "office", "--updates", "6", "-o", "office")
+    for name, beams in (("mine", 30), ("b", 40)):
+        Path(f"{name}.yaml").write_text(
+            f"amcl:\n  ros__parameters:\n    max_beams: {beams}\n    alpha1: 0.1\n    z_hit: 0.5\n"
+        )
+    out, _ = maurice("compare", "office", "--amcl", "mine.yaml", "--preset", "laser", *more, *FEW)
+    assert labels_of(out) == [*labels, "laser"]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
