@@ -7,6 +7,7 @@ do without them. What is left is due to the filter: its sensor model, its partic
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -48,7 +49,6 @@ from .evidence import (
     EvidenceFinder,
     Story,
     UpdateEvidence,
-    surprise,
 )
 from .laser_rules import ABOUT_FILTER, ABOUT_SCANS, BEFORE_MOTION
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
@@ -77,6 +77,7 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
 # causes by which pictures or scans speak against the true place
 AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW, MOUNT, WRONG_MAP, UNSEEN)
 COMPARED = (*AGAINST_TRUTH, FLAT)
+MOST_WAITING = 2000  # updates whose scans and movements are looked at only when a run fails
 MOST_PICTURES = 64  # that are kept; of older ones the light is measured at once
 
 
@@ -185,6 +186,7 @@ class DiagnosisBuilder:
     episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _finder: EvidenceFinder = field(init=False)
     _pictures: KeptPictures = field(default_factory=lambda: KeptPictures([]))
+    _waiting: deque[int] = field(default_factory=deque)  # updates that are not complete, by index
     _known: tuple[int, tuple[Failure, ...]] = (0, ())  # result for so many updates
 
     def __post_init__(self) -> None:
@@ -197,6 +199,8 @@ class DiagnosisBuilder:
         """Process the next update."""
         self.episodes.add(moment, record)
         self._updates.append(self._finder.see(moment, record, self.episodes))
+        self._waiting.append(len(self._updates) - 1)
+        self._complete(MOST_WAITING)
         self._pictures.add(moment, record, self._finder.surroundings)
 
     def result(self) -> tuple[Failure, ...]:
@@ -214,6 +218,8 @@ class DiagnosisBuilder:
 
         The lost signal says so; of a run that it never trusted, the scans do.
         """
+        if any(update.score.correct is None for update in self._updates):
+            self._complete()
         return self.episodes.doubts or scan_doubts(self._updates)
 
     @property
@@ -230,7 +236,7 @@ class DiagnosisBuilder:
         surroundings = self._finder.surroundings
         stories = stories_of(self._updates, self.episodes.episodes)
         if stories:
-            self._updates[:] = map(self._surprised, self._updates)
+            self._complete()
         if not stories or surroundings is None:
             return stories
         spacing_m, usual = surroundings.spacing_m, surroundings.usual
@@ -239,13 +245,13 @@ class DiagnosisBuilder:
             self._pictures.compare(story.pictures, surroundings)
         return stories
 
-    def _surprised(self, update: UpdateEvidence) -> UpdateEvidence:
-        """Add the surprise of its movement, which costs too much to be known of a healthy run."""
-        localizer = self.localizer
-        if localizer is None or localizer.motion is None or update.movement is None or update.broken:
-            return update
-        surprising = surprise(localizer.motion, localizer.library.origin, *update.movement)
-        return replace(update, movement=None, surprise=surprising)
+    def _complete(self, most: int = 0) -> None:
+        """Add what costs much, in order, to all updates but so many: nobody asks for it of a healthy run."""
+        while len(self._waiting) > most:
+            index = self._waiting.popleft()
+            update = self._updates[index]
+            if update.later is not None:
+                self._updates[index] = replace(update, later=None, **update.later())
 
 
 def stories_of(updates: Sequence[UpdateEvidence], episodes: Sequence[Episode]) -> list[Story]:

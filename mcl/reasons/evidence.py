@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -104,8 +105,7 @@ class UpdateEvidence:
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
     driven_m: float = 0.0  # odometry says
-    movement: tuple[F64, F64, F64] | None = None  # true poses (3,) before and after, and motions (M, 3)
-    surprise: Surprise | None = None  # of it, to the motion model: found once a run has failed
+    surprise: Surprise | None = None  # of the true movement, to the motion model
     near: NearTruth | None = None  # the cloud around the truth
     reference_m: float | None = None  # from the truth to the nearest reference
     fit: PlaceFit | None = None  # of the picture at the truth
@@ -115,6 +115,7 @@ class UpdateEvidence:
     scan: ScanFit | None = None  # of a robot that has a laser, and a map in place of references
     scan_here: ScanFit | None = None  # the same at the estimate, where no truth is known
     elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
+    later: Callable[[], dict[str, Any]] | None = None  # returns surprise and scan, if not known yet
 
     @property
     def kidnapped(self) -> bool:
@@ -145,7 +146,7 @@ class EvidenceFinder:
             lost_m, library = record.estimate.radii.lost_m, self.localizer.library
             self.surroundings = self.surroundings or Surroundings(self.localizer.sensor, lost_m)
             if library.is_map and library.occupancy is not None:
-                self.scans = ScanFits(library.occupancy, library.poses)
+                self.scans = ScanFits(library.occupancy, library.poses, has_filter=True)
         frame, truth = moment.frame, moment.truth
         floor, self._floor = self._floor, _floor_after(moment.events, self._floor)
         self._tilt_deg = _tilt_after(moment.events, self._tilt_deg)
@@ -154,7 +155,6 @@ class EvidenceFinder:
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
         motions, last = frame.motions, None if before is None or truth is None else before.truth
         broken, lost_m = bool(np.isnan(likely).any()), record.estimate.radii.lost_m
-        fit = None if broken else self._scan(record, truth, episodes.score)
         evidence = UpdateEvidence(
             step=frame.step,
             after_s=None if before is None else frame.time_s - before.frame.time_s,
@@ -178,10 +178,8 @@ class EvidenceFinder:
             driven_m=driven(motions),
             near=None if truth is None else near_truth(record, truth),
             moved_m=None if last is None or truth is None else float(np.hypot(*(truth - last)[:2])),
-            movement=None if last is None or truth is None else (last, truth, motions),
             began_together=before is None and self.scans is not None and _sd_m(record) < lost_m,
-            scan=None if truth is None else fit,
-            scan_here=fit if truth is None else None,
+            later=None if broken else self._later(record, last, truth, episodes.score),
         )
         surroundings = self.surroundings
         if truth is None or broken or self.scans is not None or surroundings is None:
@@ -194,26 +192,25 @@ class EvidenceFinder:
             alike=layout_fit(surroundings, frame.image, truth, comparison.descriptors),
         )
 
-    def _scan(self, record: StepRecord, truth: F64 | None, score: StepScore) -> ScanFit | None:
-        """Return how the scan fits the truth (3,), or the estimate; None where there is none."""
-        truth = record.estimate.pose if truth is None else truth
-        scan, sensed = record.frame.scan, record.sighting.comparison.sensed
-        laser = next((part for part in sensed if part.name == LASER), None)
-        if self.scans is None or scan is None:
-            return None
-        reading = self.scans.read(scan)
-        if reading is None or (laser is None and self.localizer is not None):
-            return self.scans.unanswered(scan, truth)
-        scans = self.scans
+    def _later(
+        self, record: StepRecord, before: F64 | None, truth: F64 | None, score: StepScore
+    ) -> Callable[[], dict[str, Any]]:
+        """Return what finds the fields that cost much; it keeps neither cloud nor picture."""
+        scan, motions, estimate = record.frame.scan, record.frame.motions, record.estimate.pose
+        laser = next((part for part in record.sighting.comparison.sensed if part.name == LASER), None)
+        localizer, scans, is_off = self.localizer, self.scans, score.correct is False
 
-        def own(poses: F64) -> F32:
-            if laser is None:  # the run's own model is not known
-                return scans.nats(reading, poses)
-            origin = poses[0, :2].copy()
-            relative = (poses - np.append(origin, 0.0)).astype(np.float32)
-            return laser.sensor.log_likelihood(laser.reading, relative, origin)
+        def told() -> dict[str, Any]:
+            pose = estimate if truth is None else truth
+            fit = None if scans is None or scan is None else scans.lay(scan, laser, pose, estimate, is_off)
+            if truth is None:
+                return {"scan_here": fit}
+            if before is None or localizer is None or localizer.motion is None:
+                return {"scan": fit}
+            moved = surprise(localizer.motion, localizer.library.origin, before, truth, motions)
+            return {"scan": fit, "surprise": moved}
 
-        return self.scans.fit(reading, truth, record.estimate.pose, own, score.correct is False)
+        return told
 
 
 def _sd_m(record: StepRecord) -> float:

@@ -81,7 +81,8 @@ def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, Bool]:
     along *= along
     away += along
     near = away <= radius_m**2
-    near[near] = np.cos(poses[:, 2].compress(near) - truth[2]) >= np.cos(LOST_RAD)
+    if near.any():
+        near &= np.cos(poses[:, 2] - truth[2]) >= np.cos(LOST_RAD)
     return float(np.sqrt(away.min())) if len(away) else np.inf, near
 
 

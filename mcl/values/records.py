@@ -138,7 +138,8 @@ class Comparison:
     @cached_property
     def of_references(self) -> F32:
         """The channels' log-likelihoods (L + V,) of all references, the virtual ones after the entries."""
-        return np.append(self.log_likelihood if self.of_channels is None else self.of_channels, self.virtual)
+        likely = self.log_likelihood if self.of_channels is None else self.of_channels
+        return np.append(likely, self.virtual) if len(self.virtual) else likely
 
     @cached_property
     def explained(self) -> EntryLikelihood:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...values import F32, F64, LaserScan, OccupancyMap, compose
+from ...values import F32, F64, LaserScan, OccupancyMap, Sensed, compose
 from .beams import JUDGMENTS, judge
 from .models import calibrated, laser_map
 from .parameters import LaserParameters
@@ -66,6 +66,7 @@ class ScanFits:
 
     occupancy: OccupancyMap
     places: F64  # (L, 3) typical poses
+    has_filter: bool = False  # which reads the scans: one that it reads nothing of says nothing
     _yaws: F64 = field(default_factory=lambda: np.zeros((2, len(YAWS))))
     _mounted: int = 0  # scans whose mount was tried
 
@@ -77,6 +78,21 @@ class ScanFits:
     def read(self, scan: LaserScan) -> LaserReading | None:
         """Return evenly chosen beams, also those that hit nothing; None where too few hit something."""
         return read_scan(scan, EVENLY)
+
+    def lay(self, scan: LaserScan, laser: Sensed | None, pose: F64, estimate: F64, is_off: bool) -> ScanFit:
+        """Say how a scan, and what the run's `laser` read in it, fits a pose (3,): see `fit`."""
+        reading = self.read(scan)
+        if reading is None or (laser is None and self.has_filter):
+            return self.unanswered(scan, pose)
+
+        def own(poses: F64) -> F32:
+            if laser is None:  # the run's own model is not known
+                return self.nats(reading, poses)
+            origin = poses[0, :2].copy()
+            relative = (poses - np.append(origin, 0.0)).astype(np.float32)
+            return laser.sensor.log_likelihood(laser.reading, relative, origin)
+
+        return self.fit(reading, pose, estimate, own, is_off)
 
     def unanswered(self, scan: LaserScan, truth: F64) -> ScanFit:
         """Say which walls a scan should have hit, of which too few beams hit something."""

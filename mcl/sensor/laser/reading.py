@@ -43,10 +43,10 @@ def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | No
         hits = (ranges > least) & (ranges < most)
     beams = _chosen(hits, parameters)
     beams = beams[~np.isnan(ranges[beams])].astype(np.int32)
-    if hits[beams].sum() < LEAST_HITS:
+    hit = hits[beams]
+    if np.count_nonzero(hit) < LEAST_HITS:
         return None
-    hit, angles = hits[beams], scan.angles_rad[beams]
-    kept = np.where(hit, ranges[beams], np.float32(most))
+    angles, kept = scan.angles_rad[beams], np.where(hit, ranges[beams], np.float32(most))
     hit_m, along_rad = kept[hit], angles[hit]
     ends = np.empty((len(hit_m), 2))
     np.multiply(hit_m, np.cos(along_rad), out=ends[:, 0])
