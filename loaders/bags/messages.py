@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -176,8 +176,8 @@ DEEPEST = 100  # links from a frame to the root; more is a cycle
 class FrameTree:
     """The latest pose of each frame in its parent."""
 
-    def __init__(self) -> None:
-        self._links: dict[str, Link] = {}
+    def __init__(self, links: Iterable[Link] = ()) -> None:
+        self._links = {link.child: link for link in links}
 
     def add(self, link: Link) -> None:
         """Add one transform."""

@@ -214,14 +214,13 @@ class PoseReader:
 
 @dataclass(frozen=True, slots=True)
 class NoteReader(OneTopic):
-    """Converts a topic's texts to events at their recording times, as they carry no others."""
+    """Converts a topic's texts to events."""
 
     types: ClassVar[Collection[str]] = (TEXT,)
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the text of one message."""
-        if self.accepts(message):
-            yield Note(message.log_ns / 1e9, str(message.decode().data))
+        yield Note(t_s, str(content.data))
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,10 +253,9 @@ class NumberReader(OneTopic):
 class RowReader(NoteReader):
     """Converts the texts of `READINGS` to readings, a row at a time."""
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the readings of one message."""
-        if self.accepts(message):
-            yield Readings(message.log_ns / 1e9, readings_of(read_json(str(message.decode().data))))
+        yield Readings(t_s, readings_of(read_json(str(content.data))))
 
 
 Reader = OneTopic | PoseReader

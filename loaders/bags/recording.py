@@ -34,9 +34,9 @@ from .messages import (
     POSE_WITH_COVARIANCE,
     TEXT,
     TRANSFORMS,
+    FrameTree,
     clock_ns,
     known_type,
-    links_of,
     pose_of,
     stamp_ns,
     use_recorded,
@@ -58,7 +58,7 @@ from .readers import (
     in_order,
     read_bag,
 )
-from .scans import ScanReader, base_above, first_of, frame_of, frames_in, laser_of
+from .scans import ScanReader, base_above, first_of, frame_of, laser_of, links_in
 from .source import BagSource, OpenBag, Topic
 from .topics import (
     PoseTopic,
@@ -81,7 +81,6 @@ ESTIMATE = (
     "not how far from where the robot was"
 )
 PEEKED = 3  # messages of a topic that are examined before reading
-TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames exist
 
 
 class BagRecording:
@@ -103,7 +102,8 @@ class BagRecording:
             image = options.image_topic or options.camera
             wishes = TopicRequest(image, options.odometry_topic, options.truth_topic, options.scan_topic)
             self._rows = has_topic(bag, READINGS, TEXT) and options.readings is None
-            self.chosen = choose(path, bag.topics, wishes, _edges(bag))
+            edges = {(link.parent, link.child) for link in links_in(bag, bag.topics)}
+            self.chosen = choose(path, bag.topics, wishes, edges)
             if not (self.chosen.topics or self._rows) and beside is None:
                 raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
@@ -250,15 +250,6 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     return stamps
 
 
-def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
-    edges: set[tuple[str, str]] = set()
-    for topic in readable(bag.topics, TRANSFORMS):
-        for _, content in first_messages(bag, topic.name, TRANSFORMS_PEEKED):
-            with suppress(*MESSAGE_ERRORS):
-                edges |= {(link.parent, link.child) for link in links_of(content)}
-    return edges
-
-
 START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
 
 
@@ -301,7 +292,7 @@ def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
     if image is None:
         return None, ""
     camera, frame = _calibrated(bag, image), frame_of(first_of(bag, image))
-    tree = frames_in(bag, bag.topics, static_only=True)
+    tree = FrameTree(links_in(bag, bag.topics, static_only=True))
     base = base_above(tree, frame)
     place = None if base is None else tree.place(base, frame)
     if place is None:

@@ -17,7 +17,7 @@ import numpy as np
 from maurice_mcl.values import F64, LaserScan
 
 from ..reading.recording import Scan, scan_fault
-from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, MessageError, links_of, matrix_of
+from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, Link, MessageError, links_of, matrix_of
 from .readers import OneTopic, Timed, first_messages, time_s
 from .source import BagSource, Message, Topic
 from .topics import PoseTopic, of_robot, readable
@@ -92,7 +92,7 @@ class ScanReader(OneTopic):
 
 def laser_of(bag: BagSource, topic: str, odometry: PoseTopic | None) -> tuple[F64, str]:
     """Return the place (4, 4) of a topic's laser on the robot, and a remark on it."""
-    first, tree = first_of(bag, topic), frames_in(bag, of_robot(bag.topics, topic))
+    first, tree = first_of(bag, topic), FrameTree(links_in(bag, of_robot(bag.topics, topic)))
     place, remark = placed(tree, frame_of(first), _robot_frame(bag, odometry))
     return place, remark + _ends(first)
 
@@ -131,16 +131,13 @@ def base_above(tree: FrameTree, frame: str, robot: str = "") -> str | None:
     return next((name for name in (robot, *usual) if name in above), None)
 
 
-def frames_in(bag: BagSource, topics: Sequence[Topic], *, static_only: bool = False) -> FrameTree:
-    """Return the first transforms of some topics; static ones come last, as they are to be trusted."""
-    tree = FrameTree()
+def links_in(bag: BagSource, topics: Sequence[Topic], *, static_only: bool = False) -> Iterator[Link]:
+    """Yield the first transforms of some topics; static ones come last, as they are to be trusted."""
     for topic in sorted(readable(topics, TRANSFORMS), key=lambda topic: "static" in topic.name):
         moving = 0 if static_only else MOST_MOVING
         for _, content in first_messages(bag, topic.name, MOST_STATIC if "static" in topic.name else moving):
             with suppress(*MESSAGE_ERRORS):
-                for link in links_of(content):
-                    tree.add(link)
-    return tree
+                yield from links_of(content)
 
 
 def first_of(bag: BagSource, topic: str) -> Any:

@@ -122,9 +122,8 @@ def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Return the error of a bag with neither pictures nor poses, which lists what it has."""
     wanted = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
-    more += [advice for advice in (_video_advice(topics), _points_advice(topics)) if advice]
     parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
-    return "; ".join(parts)
+    return "; ".join(part for part in (*parts, _video_advice(topics), _points_advice(topics)) if part)
 
 
 def listed(topics: Sequence[Topic]) -> str:
@@ -259,8 +258,12 @@ def number_topics(path: Path, topics: Sequence[Topic], wish: str | None) -> dict
 
 
 def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:
-    candidates = [t for t in readable(topics, POSES) if TRUE.search(t.name)]
-    return PoseTopic(min(candidates, key=lambda t: (-t.count, t.name)).name) if candidates else None
+    return _with_most([t for t in readable(topics, POSES) if TRUE.search(t.name)])
+
+
+def _with_most(topics: Sequence[Topic]) -> PoseTopic | None:
+    order = sorted(topics, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name))
+    return PoseTopic(order[0].name) if order else None
 
 
 def _guess_odometry(
@@ -268,17 +271,12 @@ def _guess_odometry(
 ) -> PoseTopic | None:
     """Prefer Odometry, then the transform from odom to the base, then any other poses."""
     poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
-    odometry = [t for t in poses if known_type(t.type) in ODOMETRIES and not GUESSED.search(t.name)]
-    if odometry:
-        return PoseTopic(
-            min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name
-        )
-    if edge := _odometry_edge(edges, robot):
-        moving = [t for t in readable(topics, TRANSFORMS) if "static" not in t.name]
-        if moving:
-            return PoseTopic(moving[0].name, edge)
-    others = [t for t in poses if t.type != POSE_WITH_COVARIANCE and not GUESSED.search(t.name)]
-    return PoseTopic(min(others, key=lambda t: (-t.count, t.name)).name) if others else None
+    poses = [t for t in poses if t.type != POSE_WITH_COVARIANCE and not GUESSED.search(t.name)]
+    if odometry := [t for t in poses if known_type(t.type) in ODOMETRIES]:
+        return _with_most(odometry)
+    moving = [t for t in readable(topics, TRANSFORMS) if "static" not in t.name]
+    edge = _odometry_edge(edges, robot)
+    return PoseTopic(moving[0].name, edge) if edge and moving else _with_most(poses)
 
 
 def _odometry_edge(edges: Collection[tuple[str, str]], robot: str) -> tuple[str, str] | None:
