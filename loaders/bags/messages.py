@@ -177,10 +177,15 @@ class FrameTree:
     """The latest pose of each frame in its parent."""
 
     def __init__(self, links: Iterable[Link] = ()) -> None:
-        self._links = {link.child: link for link in links}
+        self._links: dict[str, Link] = {}
+        self._moving: set[str] = set()
+        for link in links:
+            self.add(link)
 
     def add(self, link: Link) -> None:
         """Add one transform."""
+        if not np.array_equal(self._links.get(link.child, link).matrix, link.matrix):
+            self._moving.add(link.child)
         self._links[link.child] = link
 
     def chain(self, frame: str, child: str) -> list[Link] | None:
@@ -206,11 +211,15 @@ class FrameTree:
         return len(self._links)
 
     def news(self, links: Sequence[Link], frame: str, child: str) -> tuple[int | None, F64] | None:
-        """Add transforms; return time (ns or None) and pose (4, 4) of a frame that they change, or None."""
+        """Add transforms; return time (ns or None) and pose (4, 4) of a frame that they change, or None.
+
+        Of several that move the lowest counts: a localizer's, above the odometry's, is stamped ahead.
+        """
         for link in links:
             self.add(link)
         chain = self.chain(frame, child) or []
-        new = [link for link in links if link in chain]
+        moving = [link for link in chain if link.child in self._moving]
+        new = [link for link in links if link in (moving[:1] or chain)]
         matrix = self.place(frame, child) if new else None
         return None if matrix is None else (new[0].stamp_ns, matrix)
 

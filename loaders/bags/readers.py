@@ -204,7 +204,7 @@ class PoseReader:
             if known_type(message.type) not in TRANSFORMS:
                 return
             news = self._tree.news(links_of(message.decode()), *self.route.frames)
-            if news is not None:
+            if news is not None and "static" not in message.topic:
                 stamp = message.log_ns if recorded or news[0] is None else news[0]
                 yield stamp / 1e9, news[1]
         elif message.topic == self.route.topic and known_type(message.type) in POSES:

@@ -212,6 +212,28 @@ def test_transforms_are_chained(tmp_path: Path) -> None:
     assert read(path, ReadingOptions(odometry_topic="/tf:odom.b"))[0] == []
 
 
+def test_poses_by_transforms_are_those_of_the_lowest_frame_that_moves(tmp_path: Path) -> None:
+    """AMCL stamps map to odom ahead, and static transforms may be as old as the robot's start."""
+    ros, said = Ros(2), list[Said]()
+    fixed = making.link(ros, BEGIN_NS, "base_footprint", "base_link", (0.1, 0.0, 0.0), "/tf_static")
+    for number in range(40):
+        t_ns = BEGIN_NS + number * 10**8
+        said.append(making.link(ros, t_ns, "odom", "base_footprint", (0.1 * number, 0.0, 0.0)))
+        if number % 5 == 1:
+            ahead = ros.transforms(t_ns + 5 * 10**8, "map", "odom", (0.001 * number, 2.0, 0.0))
+            said.append(Said("/tf", "tf2_msgs/TFMessage", t_ns + 10**6, ahead))
+            old = ros.transforms(BEGIN_NS - 10**12, "base_footprint", "base_link", (0.1, 0.0, 0.0))
+            said.append(Said("/tf_static", "tf2_msgs/TFMessage", t_ns + 2 * 10**6, old))
+    path = making.write_ros2(tmp_path / "b", [fixed, *said])
+    options = ReadingOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
+    records, _ = read(path, options)
+    times = np.array([record.t_s for record in records]) - BEGIN_NS / 1e9
+    moving = times > 0.35  # before that nothing has moved yet
+    np.testing.assert_allclose(times[moving], 0.1 * np.arange(4, 40), atol=1e-6)
+    poses = np.array([record.pose for record in records if isinstance(record, OdometryPose)])
+    np.testing.assert_allclose(poses[moving, 0], 0.1 + times[moving], atol=0.04)
+
+
 def test_stamps_put_messages_in_order_and_offsets_are_added(tmp_path: Path) -> None:
     said = making.drive(Ros(1))
     late = [replace(s, log_ns=s.log_ns + 3 * 10**8 * ("camera" in s.topic)) for s in said]
