@@ -135,10 +135,11 @@ class CarmenRecording:
         for line in self._lines(ReadingNotes(keep_going=True)):
             counts[line.word] += 1
             timed[line.word] += line.t_s > NO_TIME_S
-            if before is not None and _set_anew(before, line, last_t_s):
+            set_anew = _set_anew(before, line, last_t_s)
+            if before is not None and set_anew:
                 corrected = corrected or before.word
             if line.word == "ODOM":
-                lever.turned(line.pose, set_anew=_set_anew(before, line, last_t_s))
+                lever.turned(line.pose, set_anew=set_anew)
             before, last_t_s = line, max(last_t_s, line.t_s)
             if line.word == "ODOM":
                 moved = moved or last_laser is None or not np.array_equal(line.pose, last_laser)
@@ -279,10 +280,8 @@ class _Reach:
     def add(self, ranges_m: F32) -> None:
         ranges_m = ranges_m[(ranges_m > 0) & (ranges_m < self.MOST_M)]
         self._longest_m = max(self._longest_m, float(ranges_m.max(initial=0.0)))
-        values, counts = np.unique(ranges_m[ranges_m >= self.NEAR * self._longest_m], return_counts=True)
-        for value, count in zip(values.tolist(), counts.tolist(), strict=True):
-            if value in self._counts or len(self._counts) < self.MOST_VALUES:
-                self._counts[value] += count
+        if len(self._counts) < self.MOST_VALUES:
+            self._counts.update(ranges_m[ranges_m >= self.NEAR * self._longest_m].tolist())
         if len(self._counts) >= self.MOST_VALUES:
             near_m = self.NEAR * self._longest_m
             self._counts = Counter({v: n for v, n in self._counts.items() if v >= near_m})

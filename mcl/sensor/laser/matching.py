@@ -32,7 +32,7 @@ LEVELS = 3  # of boxes above the smallest, each with twice their side and turn; 
 MOST_ROOTS = 120_000  # boxes of the coarsest level
 KEPT = (1000, 2000, 4000, 8000)  # boxes of the smallest but one level and those above that are divided
 POOLED_SHARE = 0.5  # of a box, around its middle
-BLOCK_BOXES = 4096
+BLOCK_BOXES = 1024
 POOLED, POWERS = 4, 8  # cells around each of a pooled layer; layers, each with cells twice as wide
 FAR_M = 1.0  # from what is occupied: farther makes no difference
 
