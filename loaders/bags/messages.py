@@ -271,33 +271,18 @@ def clock_ns(first: Mapping[str, Stamps]) -> int | None:
 
 
 _AS_IT_IS = -1
+_COLORS = {"rgb": (3, _AS_IT_IS), "bgr": (3, cv2.COLOR_BGR2RGB), "rgba": (4, cv2.COLOR_RGBA2RGB)}
+_COLORS |= {"bgra": (4, cv2.COLOR_BGRA2RGB), "mono": (1, cv2.COLOR_GRAY2RGB)}
+_COLORS |= {"bayer_rggb": (1, cv2.COLOR_BayerRGGB2RGB), "bayer_bggr": (1, cv2.COLOR_BayerBGGR2RGB)}
+_COLORS |= {"bayer_gbrg": (1, cv2.COLOR_BayerGBRG2RGB), "bayer_grbg": (1, cv2.COLOR_BayerGRBG2RGB)}
 PLAIN = {  # encoding: channels, bytes per channel, OpenCV's conversion to RGB
-    "rgb8": (3, 1, _AS_IT_IS),
-    "bgr8": (3, 1, cv2.COLOR_BGR2RGB),
-    "8UC3": (3, 1, cv2.COLOR_BGR2RGB),  # OpenCV's own order
-    "rgba8": (4, 1, cv2.COLOR_RGBA2RGB),
-    "bgra8": (4, 1, cv2.COLOR_BGRA2RGB),
-    "8UC4": (4, 1, cv2.COLOR_BGRA2RGB),
-    "mono8": (1, 1, cv2.COLOR_GRAY2RGB),
-    "8UC1": (1, 1, cv2.COLOR_GRAY2RGB),
-    "rgb16": (3, 2, _AS_IT_IS),
-    "bgr16": (3, 2, cv2.COLOR_BGR2RGB),
-    "rgba16": (4, 2, cv2.COLOR_RGBA2RGB),
-    "bgra16": (4, 2, cv2.COLOR_BGRA2RGB),
-    "mono16": (1, 2, cv2.COLOR_GRAY2RGB),
-    "bayer_rggb8": (1, 1, cv2.COLOR_BayerRGGB2RGB),
-    "bayer_bggr8": (1, 1, cv2.COLOR_BayerBGGR2RGB),
-    "bayer_gbrg8": (1, 1, cv2.COLOR_BayerGBRG2RGB),
-    "bayer_grbg8": (1, 1, cv2.COLOR_BayerGRBG2RGB),
-    "bayer_rggb16": (1, 2, cv2.COLOR_BayerRGGB2RGB),
-    "bayer_bggr16": (1, 2, cv2.COLOR_BayerBGGR2RGB),
-    "bayer_gbrg16": (1, 2, cv2.COLOR_BayerGBRG2RGB),
-    "bayer_grbg16": (1, 2, cv2.COLOR_BayerGRBG2RGB),
-    "yuv422": (2, 1, cv2.COLOR_YUV2RGB_UYVY),
-    "uyvy": (2, 1, cv2.COLOR_YUV2RGB_UYVY),
-    "yuv422_yuy2": (2, 1, cv2.COLOR_YUV2RGB_YUY2),
-    "yuyv": (2, 1, cv2.COLOR_YUV2RGB_YUY2),
+    f"{name}{8 * size}": (channels, size, code)
+    for name, (channels, code) in _COLORS.items()
+    for size in (1, 2)
 }
+PLAIN |= {same: PLAIN[f"{name}8"] for same, name in (("8UC1", "mono"), ("8UC3", "bgr"), ("8UC4", "bgra"))}
+PLAIN |= dict.fromkeys(("yuv422", "uyvy"), (2, 1, cv2.COLOR_YUV2RGB_UYVY))
+PLAIN |= dict.fromkeys(("yuv422_yuy2", "yuyv"), (2, 1, cv2.COLOR_YUV2RGB_YUY2))
 DEPTH = ("16UC1", "32FC1", "16SC1", "32SC1", "64FC1")
 
 

@@ -49,6 +49,7 @@ from .video import VideoStream, codec_of
 HEADER = "/session/header"  # std_msgs/String: the first line of the native log
 MOTIONS = "/session/motions"  # of the type VECTOR: forward_m, left_m, turn_rad
 VECTOR = "geometry_msgs/Vector3Stamped"
+MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
 READINGS = "/session/readings"  # std_msgs/String: the numbers of a row by name, as the log has them
 
 
@@ -154,6 +155,34 @@ class PictureReader(OneTopic):
 
 
 @dataclass(slots=True)
+class PoseSource:
+    """The poses of a topic, or of two frames of the transforms."""
+
+    route: PoseTopic
+    _tree: FrameTree = field(default_factory=FrameTree)
+
+    def accepts(self, topic: str, kind: str) -> bool:
+        """Return whether it reads a topic; it reads all transforms where it needs frames."""
+        if self.route.frames is not None:
+            return known_type(kind) in TRANSFORMS
+        return topic == self.route.topic and known_type(kind) in POSES
+
+    def poses(self, content: Any, topic: str) -> Iterator[tuple[int | None, Any]]:
+        """Yield the stamp of a message, and the matrix (4, 4) or the message that holds its pose.
+
+        Static transforms are no motion.
+        """
+        if self.route.frames is None:
+            yield stamp_ns(content), content
+            return
+        if len(self._tree) > MOST_FRAMES:
+            self._tree = FrameTree()
+        news = self._tree.news(links_of(content), *self.route.frames)
+        if news is not None and "static" not in topic:
+            yield news
+
+
+@dataclass(slots=True)
 class PoseReader:
     """Converts a topic's messages, or the transforms between two frames, to poses."""
 
@@ -162,11 +191,11 @@ class PoseReader:
     offset_s: float
     plane: Plane = IN_XY
     out_of_plane: OutOfPlane = field(init=False)
-    _tree: FrameTree = field(default_factory=FrameTree)
+    _source: PoseSource = field(init=False)
     _note: str = ""  # on the last pose
 
     def __post_init__(self) -> None:
-        self.out_of_plane = OutOfPlane(self.plane)
+        self.out_of_plane, self._source = OutOfPlane(self.plane), PoseSource(self.route)
 
     @property
     def topics(self) -> Collection[str]:
@@ -200,16 +229,9 @@ class PoseReader:
 
     def _found(self, message: Message, *, recorded: bool) -> Iterator[tuple[float, Any]]:
         """Yield the time of a message, and the matrix (4, 4) or the message that holds its pose."""
-        if self.route.frames is not None:
-            if known_type(message.type) not in TRANSFORMS:
-                return
-            news = self._tree.news(links_of(message.decode()), *self.route.frames)
-            if news is not None and "static" not in message.topic:
-                stamp = message.log_ns if recorded or news[0] is None else news[0]
-                yield stamp / 1e9, news[1]
-        elif message.topic == self.route.topic and known_type(message.type) in POSES:
-            decoded = message.decode()
-            yield time_s(decoded, message.log_ns, recorded=recorded), decoded
+        if self._source.accepts(message.topic, message.type):
+            for stamp, pose in self._source.poses(message.decode(), message.topic):
+                yield (message.log_ns if recorded or stamp is None else stamp) / 1e9, pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,7 +108,6 @@ class BagRecording:
                 raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why recording times are used; "" where they are not
-            self.counts = {t.name: t.count for t in bag.topics}
             camera, looking = camera_of(bag, self.chosen.image)
             self._laser, mounted = np.eye(4), ""
             if self.chosen.scan is not None:

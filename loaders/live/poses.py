@@ -8,25 +8,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from maurice_mcl.values import F64
 
-from ..bags.messages import (
-    IN_XY,
-    MESSAGE_ERRORS,
-    TRANSFORMS,
-    FrameTree,
-    known_type,
-    links_of,
-    pose_of,
-    stamp_ns,
-)
-from ..bags.topics import PoseTopic
+from ..bags.messages import IN_XY, MESSAGE_ERRORS, pose_of, stamp_ns
+from ..bags.readers import PoseSource
 from ..errors import FieldError
 from ..files.text import MOST_T_S, show, up_to
 from ..reading.recording import TruthPose, interpolated
 
 MOST_KEPT = 2000  # poses in the history of one topic
-MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,33 +29,14 @@ class StampedPose:
     pose: F64  # (3,)
 
 
-class PoseExtractor:
-    """Extracts poses from a topic of poses, or from two frames of the transforms."""
-
-    def __init__(self, route: PoseTopic) -> None:
-        self._route = route
-        self._tree = FrameTree()
-
-    def accepts(self, topic: str, kind: str) -> bool:
-        """Return whether it reads a topic; it reads all transforms where it needs frames."""
-        if self._route.frames is not None:
-            return known_type(kind) in TRANSFORMS
-        return topic == self._route.topic
-
-    def poses(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
-        """Yield the pose of a message, if any; `static` transforms are no motion. FieldError."""
-        try:
-            if self._route.frames is None:
-                yield StampedPose(time_of(message), pose_of(message))
-                return
-            news = self._tree.news(links_of(message), *self._route.frames)
-            stamp = None if news is None else in_range(news[0])
-        except MESSAGE_ERRORS as problem:
-            raise FieldError(f"found no pose in a message ({short(problem)})") from None
-        if len(self._tree) > MOST_FRAMES:
-            self._tree = FrameTree()
-        if news is not None and not static:
-            yield StampedPose(stamp, IN_XY.pose(news[1]))
+def stamped_poses(source: PoseSource, message: Any, topic: str) -> Iterator[StampedPose]:
+    """Yield the pose of a message, if any. FieldError."""
+    try:
+        for stamp, pose in source.poses(message, topic):
+            flat = IN_XY.pose(pose) if isinstance(pose, np.ndarray) else pose_of(pose)
+            yield StampedPose(in_range(stamp), flat)
+    except MESSAGE_ERRORS as problem:
+        raise FieldError(f"found no pose in a message ({short(problem)})") from None
 
 
 class PoseHistory:

@@ -25,6 +25,7 @@ from ..bags.messages import (
     picture_of,
     use_recorded,
 )
+from ..bags.readers import MOST_FRAMES, PoseSource
 from ..bags.scans import base_above, frame_of, placed, scan_of, sweep_s
 from ..bags.source import Message
 from ..bags.topics import PoseTopic
@@ -32,7 +33,7 @@ from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
 from ..files.pictures import encode_jpeg
 from ..session_log.records import scan_to_json
-from .poses import MOST_FRAMES, PoseExtractor, PoseHistory, short, time_of
+from .poses import PoseHistory, short, stamped_poses, time_of
 
 MOST_PICTURES = 8  # that wait for the odometry after them ...
 LONGEST_S = 1.0  # ... and for how long, by our own clock
@@ -98,7 +99,7 @@ class Translator:
         self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
         self._max_dt_s = max_dt_s
         self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
-        self._extractors: dict[PoseTopic, PoseExtractor] = {}
+        self._sources: dict[PoseTopic, PoseSource] = {}
         self._undated: list[_Item] | None = []  # None once it is known whether stamps are usable
         self._recorded = False  # stamps are of no use: recording times count
         self._waiting: deque[tuple[float, float, Any]] = deque()  # time, our own clock's, picture or scan
@@ -123,13 +124,9 @@ class Translator:
                 yield from self._settle_clock()
 
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
-        extractors = {
-            role: self._extractors.setdefault(route, PoseExtractor(route))
-            for role, route in topics.routes.items()
-        }
-        hearing = {
-            role: pose for role, pose in extractors.items() if pose.accepts(message.topic, message.type)
-        }
+        routes = topics.routes.items()
+        sources = {role: self._sources.setdefault(route, PoseSource(route)) for role, route in routes}
+        hearing = {role: one for role, one in sources.items() if one.accepts(message.topic, message.type)}
         if message.topic not in (topics.image, topics.scan) and not hearing:
             return
         content = decoded(message)
@@ -142,8 +139,8 @@ class Translator:
             stamp = _stamp(content)
             middle = None if stamp is None else stamp + int(sweep_s(content) / 2 * 1e9)
             yield _Item(SCAN, middle, message.log_ns, content)
-        for role, extractor in hearing.items():
-            for stamped in extractor.poses(content, static="static" in message.topic):
+        for role, source in hearing.items():
+            for stamped in stamped_poses(source, content, message.topic):
                 yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
 
     def learn(self, message: Message) -> None:

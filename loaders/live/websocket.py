@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..bags.messages import MESSAGE_ERRORS, TRANSFORMS, known_type, links_of
+from ..bags.readers import MOST_FRAMES
 from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, decode_json, short_type, sorted_topics
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
@@ -23,7 +24,7 @@ from ..files.text import items, mapping, read_json
 from ..reading.options import ReadingOptions
 from ..session_log.header import header_of
 from ..session_log.records import ascii_line
-from .poses import MOST_FRAMES, short
+from .poses import short
 from .translation import ChosenTopics, Translator, decoded
 
 if TYPE_CHECKING:
