@@ -250,6 +250,7 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
 
 
 START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
+MOST_GIVEN = 100  # poses that are examined
 
 
 def start_topics(bag: BagSource, seen: str | None) -> list[Topic]:
@@ -268,16 +269,17 @@ def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
     first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
     if first_ns is None:
         return None, ""
+    pose, remark = None, ""
     for topic in start_topics(bag, seen):
-        for message, content in first_messages(bag, topic.name, 1):
+        for message, content in first_messages(bag, topic.name, MOST_GIVEN):
+            after_s = (message.log_ns - first_ns) / 1e9
             with suppress(*MESSAGE_ERRORS):
-                pose = pose_of(content)
-                words = f"{topic.name} is at {pose_in_words(pose)}"
-                after_s = (message.log_ns - first_ns) / 1e9
-                if after_s <= START_WITHIN_S:
-                    return pose, f"the drive starts where {words}"
-                return None, f"{words}, and came {after_s:.0f} s after the start; --start begins there"
-    return None, ""
+                words = f"{topic.name} is at {pose_in_words(pose_of(content))}"
+                if after_s <= START_WITHIN_S:  # the last counts, as it corrects those before
+                    pose, remark = pose_of(content), f"the drive starts where {words}"
+                late = f"{words}, and came {after_s:.0f} s after the start; --start begins there"
+                remark = remark or late
+    return pose, remark
 
 
 # The camera: size and field of view from its calibration, yaw from static transforms.

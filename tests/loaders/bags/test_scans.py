@@ -288,16 +288,20 @@ def test_a_recorded_robot_sees_the_walls_of_its_map() -> None:
     assert (grid.free.sum(), grid.occupied.sum()) == (303533, 16871)
 
 
-@pytest.mark.parametrize(("after_s", "start"), [(2, [1.0, 2.0, 0.5]), (100, None)])
-def test_a_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
-    after_s: int, start: list[float] | None, tmp_path: Path
+@pytest.mark.parametrize(
+    ("after_s", "start"), [([2], [1.0, 2.0, 0.5]), ([0, 2, 40], [1.0, 2.0, 0.5]), ([100], None)]
+)
+def test_the_last_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
+    after_s: list[int], start: list[float] | None, tmp_path: Path
 ) -> None:
     ros = Ros(2)
-    t_ns = BEGIN_NS + after_s * 10**9
-    given = Said(
-        "/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns, ros.unsure(t_ns, (1, 2, 0.5))
-    )
-    bag = making.write_ros2(tmp_path / "b", [*making.laser_drive(ros), given])
+    poses = {0: (9, 9, 0.0), 40: (8, 8, 1.0)}
+    given = [
+        Said("/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns, ros.unsure(t_ns, pose))
+        for at_s in after_s
+        for t_ns, pose in [(BEGIN_NS + at_s * 10**9, poses.get(at_s, (1, 2, 0.5)))]
+    ]
+    bag = making.write_ros2(tmp_path / "b", [*making.laser_drive(ros), *given])
     recording = open_recording(bag, ReadingOptions())
     assert (recording.info.start is None) == (start is None)
     if start is not None:
