@@ -43,7 +43,6 @@ class ReadingNotes:
         self._problems: list[InputError] = []
         self._warnings: dict[str, None] = {}  # in order, each once
         self.count = 0  # problems found, kept or not
-        self._damages: set[str] = set()  # which every pass finds again
         self.tilts: dict[str, tuple[float, float]] = {}  # of poses that leave the plane: rad, m, by source
 
     def problem(self, error: InputError) -> None:
@@ -53,12 +52,6 @@ class ReadingNotes:
         self.count += 1
         if len(self._problems) < MOST_KEPT:
             self._problems.append(error)
-
-    def damage(self, error: InputError) -> None:
-        """Count a part of the file that was left out: once, though several passes find it."""
-        if str(error) not in self._damages:
-            self._damages.add(str(error))
-            self.problem(error)
 
     def left_plane(self, name: str, tilt_rad: float, height_m: float, text: str) -> None:
         """Note that the poses of a source left the plane."""

@@ -278,8 +278,7 @@ class Nearest:
         """Return the update nearest to a time, None where none is within 0.5 s."""
         while self._after is not None and self._after.t_s <= t_s:
             self._before, self._after = self._after, next(self._updates, None)
-        near = [pose for pose in (self._before, self._after) if pose and abs(pose.t_s - t_s) <= NEAR_S]
-        return min(near, key=lambda pose: abs(pose.t_s - t_s), default=None)
+        return _nearest([update for update in (self._before, self._after) if update], t_s)
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
@@ -332,13 +331,12 @@ def _no_image() -> U8:
 
 def _cloud_topic(path: Path, topics: Sequence[Topic], pose: Topic | None) -> Topic:
     """Return the cloud with the most messages, weighted ones first; without a cloud the localizer's poses."""
-    clouds = readable(topics, CLOUDS)
-    if not clouds and pose is not None:
-        return pose
-    if not clouds:
+    clouds = sorted(readable(topics, CLOUDS), key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
+    shown = next(iter(clouds), pose)
+    if shown is None:
         wanted = "expected a localizer's particles (PoseArray, ParticleCloud) or PoseWithCovarianceStamped"
         raise InputError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
-    return min(clouds, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
+    return shown
 
 
 def _pose_topic(topics: Sequence[Topic]) -> Topic | None:
