@@ -27,7 +27,7 @@ LEAP_TIMES = 2.0  # times as far as in any other update: no drive, but a robot t
 def gap_in_log(story: Story) -> Failure | None:
     """Pictures and odometry of some time are missing, and the robot drove on meanwhile."""
     for update in story.where(story.window, lambda u: u.after_s is not None and not u.kidnapped):
-        times = (update.after_s or 0.0) / story.usual_s if story.usual_s > 0 else 0.0
+        times = story.waited(update)
         if not (times >= LONG_GAP and _is_surprising(update)):
             continue
         speed = (update.moved_m or 0.0) / max(update.after_s or 0.0, 1e-9) / max(story.usual_speed, 1e-9)

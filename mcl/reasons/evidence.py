@@ -259,6 +259,7 @@ BEFORE_UPDATES, AFTER_UPDATES = 3, 1  # before the last one that held the truth,
 FIRST_UPDATES = 10  # of an episode, whose pictures are looked at
 AWAY_UPDATES, AWAY_SHARE = 4, 0.75  # at another place: at least so many, and this share of them
 CLEAR_SHARE = 0.15  # of the spread of log-likelihoods over the library
+WENT_ON = 2.0  # times the usual way between updates: farther than a robot that waits goes before the next
 LEAST_SHARE = 0.5  # over the number of particles: a smaller share near the truth is none
 LOOKBACK_UPDATES = 30  # before a loss, that are looked at if the truth was never held
 
@@ -368,6 +369,13 @@ class Story:
     def usual_s(self) -> float:
         """The median time between pictures."""
         return median(update.after_s for update in self.updates if update.after_s is not None)
+
+    def waited(self, update: UpdateEvidence) -> float:
+        """Return the time before an update over the usual; 0 for scans of a robot that stood still."""
+        usual_m = median(update.driven_m for update in self.updates)
+        if not update.spread_nats > 0 and update.driven_m < WENT_ON * usual_m:
+            return 0.0
+        return (update.after_s or 0.0) / self.usual_s if self.usual_s > 0 else 0.0
 
     @cached_property
     def usual_speed(self) -> float:

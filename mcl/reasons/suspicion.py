@@ -111,7 +111,7 @@ def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
             return story.failure(KIDNAPPED, update.step, told=LOG_SAYS, **evidence)
         if update.cloud_left:
             return story.failure(LEFT_MAP, update.step, driven_m=update.driven_m, **evidence)
-        if story.usual_s > 0 and (update.after_s or 0.0) >= VERY_LONG_GAP * story.usual_s:
+        if story.waited(update) >= VERY_LONG_GAP:
             gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s}
             return story.failure(DATA, update.step, **gap, **evidence)
     if by_scans:

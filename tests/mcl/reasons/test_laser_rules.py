@@ -10,6 +10,7 @@ import pytest
 from helpers.lost_runs import ALL, GONE, OFF, SINCE, UPDATES, healthy, stories
 from maurice_mcl.reasons.causes import CAUSES
 from maurice_mcl.reasons.diagnosis import decide, scan_doubts, suspected
+from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import say_cause, say_evidence, say_remedy
@@ -117,3 +118,16 @@ def test_without_truth_the_scans_at_the_estimate_tell_what_is_suspected(case):
 def test_two_scans_that_do_not_fit_are_no_doubt():
     updates = [replace(healthy(k), scan_here=BAD if k in (20, 21) else FITS) for k in ALL]
     assert scan_doubts(updates) == ()
+
+
+@pytest.mark.parametrize(("driven_m", "kind"), [(0.3, "kidnapped"), (1.6, "data")])
+def test_a_robot_that_stood_still_before_it_was_carried_is_no_gap_in_the_recording(driven_m, kind):
+    """Its scans wait until it has gone as far as between others; where it drove on, scans are missing."""
+    scans_alone = {"spread_nats": 0.0, "best": -0.0}
+    late = {"after_s": 90.0, "driven_m": driven_m, "moved_m": 2.0, "surprise": Surprise(9.0, 30.0, 0.8, 1.0)}
+    updates = [healthy(k, **scans_alone, **(late if k == SINCE[0] else {})) for k in ALL]
+    (story,) = stories([replace(one, scan=BAD if one.step in SINCE else FITS) for one in updates])
+    assert decide(story).kind == kind
+    unknown = [replace(one, scan_here=BAD if one.step in SINCE else FITS, moved_m=None) for one in updates]
+    (failure,) = suspected(unknown, scan_doubts(unknown))
+    assert failure.kind == kind
