@@ -9,18 +9,13 @@ import io
 import math
 import os
 import zlib
-from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
 import cv2
 import numpy as np
-from PIL.BmpImagePlugin import BmpImageFile
-from PIL.Image import Image
-from PIL.JpegImagePlugin import JpegImageFile
-from PIL.PngImagePlugin import PngImageFile
-from PIL.WebPImagePlugin import WebPImageFile
 
 from maurice_mcl.values import U8
 
@@ -36,12 +31,6 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PICTURE_BYTES = 256 * 2**20
 LIMIT = "MAURICE_MAX_MEGAPIXELS"  # environment variable: pictures of more are refused
 MEGAPIXELS = 32.0  # without it; decoding and measuring take about 20 bytes a pixel
-_HEADERS: dict[str, Callable[[io.BytesIO], Image]] = {
-    "JPEG": JpegImageFile,
-    "PNG": PngImageFile,
-    "WebP": WebPImageFile,
-    "BMP": BmpImageFile,
-}
 _END_OF_IMAGE = b"\xff\xd9"
 
 
@@ -149,8 +138,10 @@ def picture_size(data: bytes) -> tuple[int, int]:
 def _read_header(data: bytes) -> tuple[tuple[int, int], int]:
     """Return a picture's size by its header, and where that ends. PictureError where it cannot be read."""
     kind, content = picture_format(data), io.BytesIO(data)
+    name = kind if kind == "WebP" else kind.capitalize()
+    plugin = import_module(f"PIL.{name}ImagePlugin")  # a replay of scans does without
     try:
-        return _HEADERS[kind](content).size, content.tell()
+        return getattr(plugin, f"{name}ImageFile")(content).size, content.tell()
     except (OSError, SyntaxError, ValueError):  # as Pillow says it
         raise PictureError(f"found a cut {kind} picture (no whole header), expected a whole one") from None
 
