@@ -105,17 +105,10 @@ def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float,
     of 1.
     """
     weights = np.asarray(weight, np.float64)
-    return circular_mean_of(angle_rad, np.sin(angle_rad), np.cos(angle_rad), weights, float(weights.sum()))
-
-
-def circular_mean_of(
-    angle_rad: NDArray[Any], sin: NDArray[Any], cos: NDArray[Any], weight: F64, total: float
-) -> tuple[float, float]:
-    """Return `circular_mean` where sines, cosines and the sum of the weights are known."""
-    mean = math.atan2(dot(weight, sin), dot(weight, cos))
+    mean = math.atan2(dot(weights, np.sin(angle_rad)), dot(weights, np.cos(angle_rad)))
     # 1 - R = 2 <sin^2> of half the angles to the mean, which keeps its digits where all angles are alike
     half = angle_rad - mean
     half /= 2
     np.sin(half, out=half)
-    lack = 2 * dot(weight, np.square(half, out=half)) / total
+    lack = 2 * dot(weights, np.square(half, out=half)) / float(weights.sum())
     return mean, math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf

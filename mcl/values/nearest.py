@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,35 +41,19 @@ def place_tree(places: F64) -> cKDTree:
     return cKDTree(places)
 
 
-POINTS_AT_ONCE = 256  # that are compared with the same places
+# of OpenCV, by float32: the nearest is among so many; scipy's tree is no faster, and slow to import
+EXACT_TREE, CANDIDATES = 4, 10
+
+
+def nearest_apart(points: F64) -> F64:
+    """Return how far each of N points (N, D) is from the nearest of the others."""
+    some = (points - points.mean(axis=0)).astype(np.float32)
+    tree = cv2.flann_Index(some, {"algorithm": EXACT_TREE})  # type: ignore[attr-defined]  # of its stubs
+    near = tree.knnSearch(some, min(CANDIDATES, len(points)))[0]
+    squared = sum(np.square(column[near] - column[:, None]) for column in points.T)
+    return np.sqrt(np.partition(squared, 1, axis=1)[:, 1])  # the first is the point itself
 
 
 def spacing(places: F64) -> float:
     """Return the median distance from a place (P, 2) to its nearest neighbor; 1 m for a single place."""
-    if len(places) < 2:
-        return 1.0
-    apart = np.empty(len(places))
-    for rows in _blocks(places, np.arange(len(places))):
-        block = places[rows]
-        low, high = block.min(axis=0) - places, places - block.max(axis=0)
-        beyond = _squared(np.maximum(np.maximum(low, high), 0).T)  # of the block's sides
-        within = np.partition(_squared(np.maximum(-low, -high).T), 1)[1]  # of its farthest corner
-        near = places[beyond <= within * (1 + 1e-9)]
-        squared = _squared(block.T[:, :, None] - near.T[:, None])
-        apart[rows] = np.sqrt(np.partition(squared, 1, axis=1)[:, 1])  # the first is the place itself
-    return float(np.median(apart))
-
-
-def _blocks(points: F64, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Split points (N, 2) by their middles, along the longer side, until few are left together."""
-    if len(rows) <= POINTS_AT_ONCE:
-        yield rows
-        return
-    some, half = points[rows], len(rows) // 2
-    order = some[:, np.ptp(some, axis=0).argmax()].argpartition(half)
-    yield from _blocks(points, rows[order[:half]])
-    yield from _blocks(points, rows[order[half:]])
-
-
-def _squared(offsets: F64) -> F64:
-    return np.asarray(offsets[0] * offsets[0] + offsets[1] * offsets[1])
+    return 1.0 if len(places) < 2 else float(np.median(nearest_apart(places)))

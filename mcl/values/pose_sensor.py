@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 
 from .arrays import F32, F64, U8, Bool
 from .geometry import wrap
+from .nearest import nearest_apart
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
@@ -47,8 +47,6 @@ WIDE_M = 0.2  # a cloud that searches: some of its poses may be much denser than
 # of poses 1 apart on average: this share of them is nearer to another than this
 DENSEST, DENSEST_APART = 0.05, 0.23
 MEDIAN_OF = 500  # poses are enough
-# of OpenCV: scipy's tree is no faster, and slow to import; the nearest is among the four nearest by float32
-EXACT_TREE, CANDIDATES = 4, 4
 
 
 def spread_between(poses: F32) -> PoseSpread:
@@ -67,19 +65,11 @@ def spread_between(poses: F32) -> PoseSpread:
     off_x, off_y, turned = _medians(np.abs(some - _medians(some)[:, None])).tolist()
     position_m, heading_rad = share * math.sqrt(off_x * off_y), share * turned
     if position_m > WIDE_M:
-        near = _near_share(poses / np.array([position_m, position_m, heading_rad or 1.0]))
+        # how much nearer to each other than 1 the densest poses are, e.g. proposed ones
+        apart = nearest_apart(poses / np.array([position_m, position_m, heading_rad or 1.0]))
+        near = min(float(np.quantile(apart, DENSEST)) / DENSEST_APART, 1.0)
         position_m, heading_rad = position_m * near, heading_rad * near
     return PoseSpread(min(position_m, MOST_APART.position_m), min(heading_rad, MOST_APART.heading_rad))
-
-
-def _near_share(scaled: F64) -> float:
-    """Return how much nearer to each other than 1 the densest poses (N, 3) are, e.g. proposed ones."""
-    some = (scaled - scaled.mean(axis=0)).astype(np.float32)
-    tree = cv2.flann_Index(some, {"algorithm": EXACT_TREE})  # type: ignore[attr-defined]  # of its stubs
-    near = tree.knnSearch(some, CANDIDATES)[0]
-    squared = sum(np.square(column[near] - column[:, None]) for column in scaled.T)
-    nearest = np.sqrt(np.partition(squared, 1, axis=1)[:, 1])
-    return min(float(np.quantile(nearest, DENSEST)) / DENSEST_APART, 1.0)
 
 
 def _medians(rows: F32) -> F32:
