@@ -73,13 +73,10 @@ def read_bag(
     What has no stamp is put on the clock of the stamps, which at first is `clock_ns` ahead of the recording;
     None: recording times are used for all.
     """
-    names = {name for reader in readers for name in reader.topics}
-    if not names:
+    if not readers:
         return
     with open_bag(path) as bag:
-        for reader in readers:
-            if isinstance(reader, PoseReader) and reader.transforms:
-                names |= {t.name for t in readable(of_robot(bag.topics, reader.route.topic), TRANSFORMS)}
+        names = topics_of(bag, readers)
         number = dict.fromkeys(names, 0)
         for message in bag.messages(names):
             number[message.topic] += 1
@@ -89,6 +86,15 @@ def read_bag(
                 for record in _valid(path, records, message, number[message.topic], notes):
                     clock_ns = clock_ns and round(record.t_s * 1e9) - message.log_ns
                     yield record
+
+
+def topics_of(bag: BagSource, readers: Iterable[Reader]) -> set[str]:
+    """Return the topics that readers need: with transforms, all of their robot."""
+    names = {name for reader in readers for name in reader.topics}
+    for reader in readers:
+        if isinstance(reader, PoseReader) and reader.transforms:
+            names |= {t.name for t in readable(of_robot(bag.topics, reader.route.topic), TRANSFORMS)}
+    return names
 
 
 def _valid(

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from maurice_mcl.values import F64, Camera, SessionInfo
+from maurice_mcl.values import F64, Camera, SessionInfo, compose, inverse, motion_between
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format
@@ -57,9 +57,10 @@ from .readers import (
     header_of,
     in_order,
     read_bag,
+    topics_of,
 )
 from .scans import ScanReader, base_above, first_of, frame_of, laser_of, links_in
-from .source import BagSource, OpenBag, Topic
+from .source import BagSource, Message, OpenBag, Topic
 from .topics import (
     PoseTopic,
     TopicChoice,
@@ -117,7 +118,7 @@ class BagRecording:
             self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
-            start, given = start_in(bag, self.chosen.scan or self.chosen.image)
+            start, given = start_in(bag, self.chosen.scan or self.chosen.image, self.chosen.odometry)
             maps = [topic for topic in map_topics(bag.topics)[:1] if topic.count > 1 and self.chosen.scan]
             maps_said = "".join(f"its map is the last of {topic.count} at {topic.name}" for topic in maps)
             truth = self.chosen.truth
@@ -203,9 +204,7 @@ class BagRecording:
     def _in_space(self, route: PoseTopic) -> Iterator[Pose]:
         reader = PoseReader(route, OdometryPose, 0.0)
         with suppress(InputError), self.open_bag(self.path) as bag:  # damage is reported when it is read
-            frames = readable(of_robot(bag.topics, route.topic), TRANSFORMS) if reader.transforms else []
-            names = {route.topic, *(topic.name for topic in frames)}
-            for message in bag.messages(names):
+            for message in bag.messages(topics_of(bag, [reader])):
                 with suppress(InputError, *MESSAGE_ERRORS):
                     for matrix in reader.matrices(message):
                         yield matrix[:3, 3], matrix[:3, :3]
@@ -249,8 +248,8 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     return stamps
 
 
-START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
-MOST_GIVEN = 100  # poses that are examined
+START_WITHIN_M = 5.0  # driven, up to which a pose that is given is one of the beginning ...
+START_WITHIN_S = 30.0  # ... or since the first scan or picture, where there is no odometry
 
 
 def start_topics(bag: BagSource, seen: str | None) -> list[Topic]:
@@ -264,22 +263,49 @@ def pose_in_words(pose: F64) -> str:
     return f"{pose[0]:.2f}, {pose[1]:.2f} m, {math.degrees(pose[2]):.0f} deg"
 
 
-def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
-    """Return the pose (3,) that somebody gave AMCL at the beginning, and a remark on it; None: nobody did."""
-    first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
-    if first_ns is None:
-        return None, ""
-    pose, remark = None, ""
-    for topic in start_topics(bag, seen):
-        for message, content in first_messages(bag, topic.name, MOST_GIVEN):
-            after_s = (message.log_ns - first_ns) / 1e9
+def start_in(bag: BagSource, seen: str | None, odometry: PoseTopic | None) -> tuple[F64 | None, str]:
+    """Return where a drive began (3,) by what somebody told AMCL, and a remark; None: nobody did in time.
+
+    Of several poses the last counts, as it corrects those before; less what odometry saw until it came.
+    """
+    given = [topic.name for topic in start_topics(bag, seen)]
+    first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), 0) if seen else 0
+    start, remark = None, ""
+    for message, moved in _near_the_start(bag, given, odometry, first_ns) if given and first_ns else ():
+        with suppress(InputError, *MESSAGE_ERRORS):
+            pose = pose_of(message.decode())
+            start = compose(pose, inverse(moved))
+            remark = f"the drive starts where {message.topic} is at {pose_in_words(pose)}"
+    for name in given if start is None and first_ns else ():
+        for message, content in first_messages(bag, name, 1):
             with suppress(*MESSAGE_ERRORS):
-                words = f"{topic.name} is at {pose_in_words(pose_of(content))}"
-                if after_s <= START_WITHIN_S:  # the last counts, as it corrects those before
-                    pose, remark = pose_of(content), f"the drive starts where {words}"
-                late = f"{words}, and came {after_s:.0f} s after the start; --start begins there"
-                remark = remark or late
-    return pose, remark
+                told = f"{name} is at {pose_in_words(pose_of(content))}"
+                after_s = (message.log_ns - first_ns) / 1e9
+                remark = f"{told}, and came {after_s:.0f} s after the start; --start begins there"
+    return start, remark
+
+
+def _near_the_start(
+    bag: BagSource, given: Collection[str], odometry: PoseTopic | None, first_ns: int
+) -> Iterator[tuple[Message, F64]]:
+    """Yield the messages of some topics that came before the robot went far, and how far it was (3,)."""
+    readers = [] if odometry is None else [PoseReader(odometry, OdometryPose, 0.0)]
+    begin, moved, way_m = None, np.zeros(3), 0.0
+    left = sum(topic.count for topic in bag.topics if topic.name in given)
+    for message in bag.messages({*given, *topics_of(bag, readers)}):
+        if message.topic in given:
+            if readers or message.log_ns - first_ns <= START_WITHIN_S * 1e9:
+                yield message, moved
+            left -= 1
+        for reader in readers:
+            with suppress(InputError, *MESSAGE_ERRORS):
+                for record in reader.records(message, 0, recorded=True):
+                    assert isinstance(record, OdometryPose)
+                    begin = record.pose if begin is None else begin
+                    before, moved = moved, motion_between(begin, record.pose)
+                    way_m += float(np.hypot(*(moved - before)[:2]))
+        if not left or way_m > START_WITHIN_M:
+            return
 
 
 # The camera: size and field of view from its calibration, yaw from static transforms.

@@ -288,24 +288,29 @@ def test_a_recorded_robot_sees_the_walls_of_its_map() -> None:
     assert (grid.free.sum(), grid.occupied.sum()) == (303533, 16871)
 
 
-@pytest.mark.parametrize(
-    ("after_s", "start"), [([2], [1.0, 2.0, 0.5]), ([0, 2, 40], [1.0, 2.0, 0.5]), ([100], None)]
-)
-def test_the_last_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
-    after_s: list[int], start: list[float] | None, tmp_path: Path
+@pytest.mark.parametrize("odometry", ["topic", "transforms", "none"])
+@pytest.mark.parametrize(("after_s", "is_start"), [([2], True), ([1, 2, 8], True), ([8], False)])
+def test_the_last_pose_given_by_hand_before_the_robot_went_far_is_where_the_drive_starts(
+    after_s: list[int], is_start: bool, odometry: str, tmp_path: Path
 ) -> None:
-    ros = Ros(2)
-    poses = {0: (9, 9, 0.0), 40: (8, 8, 1.0)}
-    given = [
-        Said("/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns, ros.unsure(t_ns, pose))
-        for at_s in after_s
-        for t_ns, pose in [(BEGIN_NS + at_s * 10**9, poses.get(at_s, (1, 2, 0.5)))]
-    ]
-    bag = making.write_ros2(tmp_path / "b", [*making.laser_drive(ros), *given])
+    """Less what odometry saw until then: the robot goes 1 m/s. Without odometry only the time tells."""
+    ros, drive = Ros(2), making.laser_drive(Ros(2), 60)
+    if odometry != "topic":
+        drive = [said for said in drive if said.topic != "/odom"]
+    for number in range(120 if odometry == "transforms" else 0):
+        t_ns, pose = BEGIN_NS + number * 10**8, (0.1 * number, 0.0, 0.0)
+        drive.append(making.link(ros, t_ns, "odom", "base_footprint", pose))
+    for at_s in after_s:
+        t_ns = BEGIN_NS + at_s * 10**9 + (30 if odometry == "none" and at_s == 8 else 0) * 10**9
+        message = ros.unsure(t_ns, (1, 2, 0.5) if at_s == after_s[-1] or at_s == 2 else (9, 9, 0.0))
+        drive.append(Said("/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns + 1000, message))
+    bag = making.write_ros2(tmp_path / "b", sorted(drive, key=lambda said: said.log_ns))
     recording = open_recording(bag, ReadingOptions())
-    assert (recording.info.start is None) == (start is None)
-    if start is not None:
-        np.testing.assert_allclose(recording.info.start, start)
+    assert (recording.info.start is None) == (not is_start)
+    if recording.info.start is not None:
+        back_m = 0.0 if odometry == "none" else 2.0
+        want = [1 - back_m * np.cos(0.5), 2 - back_m * np.sin(0.5), 0.5]
+        np.testing.assert_allclose(recording.info.start, want, atol=1e-6)
     assert "/initialpose" not in recording.not_read
     assert any("/initialpose is at 1.00, 2.00 m, 29 deg" in note for note in recording.info.notes)
     assert not any(isinstance(record, TruthPose) for record in recording.records(ReadingNotes(False)))
