@@ -37,7 +37,6 @@ from .messages import (
     FrameTree,
     clock_ns,
     known_type,
-    pose_of,
     stamp_ns,
     use_recorded,
 )
@@ -60,7 +59,7 @@ from .readers import (
     topics_of,
 )
 from .scans import ScanReader, base_above, first_of, frame_of, laser_of, links_in
-from .source import BagSource, Message, OpenBag, Topic
+from .source import BagSource, OpenBag, Topic
 from .topics import (
     PoseTopic,
     TopicChoice,
@@ -118,7 +117,8 @@ class BagRecording:
             self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
-            start, given = start_in(bag, self.chosen.scan or self.chosen.image, self.chosen.odometry)
+            seen = self.chosen.scan or self.chosen.image or ""
+            given = start_topics(bag, seen) if first.get(seen) else []
             maps = [topic for topic in map_topics(bag.topics)[:1] if topic.count > 1 and self.chosen.scan]
             maps_said = "".join(f"its map is the last of {topic.count} at {topic.name}" for topic in maps)
             truth = self.chosen.truth
@@ -126,9 +126,11 @@ class BagRecording:
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
-            own |= {topic.name for topic in start_topics(bag, self.chosen.scan) if given}
+            own |= {topic.name for topic in given}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
-        said = (part_of(path), self.chosen.guess, looking, mounted, maps_said, given)
+        first_ns = first[seen][0][1] if given else 0
+        start, begins = start_in(path, open_bag, given, self.chosen.odometry, first_ns)
+        said = (part_of(path), self.chosen.guess, looking, mounted, maps_said, begins)
         self._guessed = "; ".join(text for text in said if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
@@ -263,49 +265,31 @@ def pose_in_words(pose: F64) -> str:
     return f"{pose[0]:.2f}, {pose[1]:.2f} m, {math.degrees(pose[2]):.0f} deg"
 
 
-def start_in(bag: BagSource, seen: str | None, odometry: PoseTopic | None) -> tuple[F64 | None, str]:
+def start_in(
+    path: Path, open_bag: OpenBag, given: Sequence[Topic], odometry: PoseTopic | None, first_ns: int
+) -> tuple[F64 | None, str]:
     """Return where a drive began (3,) by what somebody told AMCL, and a remark; None: nobody did in time.
 
     Of several poses the last counts, as it corrects those before; less what odometry saw until it came.
     """
-    given = [topic.name for topic in start_topics(bag, seen)]
-    first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), 0) if seen else 0
-    start, remark = None, ""
-    for message, moved in _near_the_start(bag, given, odometry, first_ns) if given and first_ns else ():
-        with suppress(InputError, *MESSAGE_ERRORS):
-            pose = pose_of(message.decode())
-            start = compose(pose, inverse(moved))
-            remark = f"the drive starts where {message.topic} is at {pose_in_words(pose)}"
-    for name in given if start is None and first_ns else ():
-        for message, content in first_messages(bag, name, 1):
-            with suppress(*MESSAGE_ERRORS):
-                told = f"{name} is at {pose_in_words(pose_of(content))}"
-                after_s = (message.log_ns - first_ns) / 1e9
-                remark = f"{told}, and came {after_s:.0f} s after the start; --start begins there"
+    readers = [PoseReader(PoseTopic(topic.name), TruthPose, 0.0) for topic in given]
+    readers += [PoseReader(odometry, OdometryPose, 0.0)] if odometry else []
+    begin, moved, way_m, start, remark = None, np.zeros(3), 0.0, None, ""
+    left = sum(topic.count for topic in given)
+    for record in read_bag(path, open_bag, readers, ReadingNotes(keep_going=True), None) if given else ():
+        if isinstance(record, OdometryPose):
+            begin = record.pose if begin is None else begin
+            before, moved = moved, motion_between(begin, record.pose)
+            way_m += float(np.hypot(*(moved - before)[:2]))
+        elif isinstance(record, TruthPose):
+            left, after_s = left - 1, record.t_s - first_ns / 1e9
+            told = f"{given[0].name} is at {pose_in_words(record.pose)}"
+            if way_m <= START_WITHIN_M if odometry else after_s <= START_WITHIN_S:
+                start, remark = compose(record.pose, inverse(moved)), f"the drive starts where {told}"
+            remark = remark or f"{told}, and came {after_s:.0f} s after the start; --start begins there"
+        if not left or (start is not None and way_m > START_WITHIN_M):
+            break
     return start, remark
-
-
-def _near_the_start(
-    bag: BagSource, given: Collection[str], odometry: PoseTopic | None, first_ns: int
-) -> Iterator[tuple[Message, F64]]:
-    """Yield the messages of some topics that came before the robot went far, and how far it was (3,)."""
-    readers = [] if odometry is None else [PoseReader(odometry, OdometryPose, 0.0)]
-    begin, moved, way_m = None, np.zeros(3), 0.0
-    left = sum(topic.count for topic in bag.topics if topic.name in given)
-    for message in bag.messages({*given, *topics_of(bag, readers)}):
-        if message.topic in given:
-            if readers or message.log_ns - first_ns <= START_WITHIN_S * 1e9:
-                yield message, moved
-            left -= 1
-        for reader in readers:
-            with suppress(InputError, *MESSAGE_ERRORS):
-                for record in reader.records(message, 0, recorded=True):
-                    assert isinstance(record, OdometryPose)
-                    begin = record.pose if begin is None else begin
-                    before, moved = moved, motion_between(begin, record.pose)
-                    way_m += float(np.hypot(*(moved - before)[:2]))
-        if not left or way_m > START_WITHIN_M:
-            return
 
 
 # The camera: size and field of view from its calibration, yaw from static transforms.
