@@ -95,9 +95,9 @@ def _known(session: RecordedSession, notes: ReadingNotes) -> tuple[int | None, i
     second = ReadingNotes(keep_going=True)  # problems are counted already
     try:
         truths = scans = 0
-        for glance in again.glances(second):
-            truths += glance.truth is not None
-            scans += glance.scan is not None
+        for moment in again.glances(second):
+            truths += moment.truth is not None
+            scans += moment.frame.scan is not None
     except InputError as problem:  # the clocks disagree; the rest can still be reported
         notes.problem(problem)
         return None, None

@@ -14,7 +14,6 @@ import numpy as np
 from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
-from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import NO_PICTURE, Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
@@ -40,16 +39,6 @@ if TYPE_CHECKING:
 
 MOST_KEPT = 5000  # moments without pictures: some kilobytes each
 WIDEST_RAD = float(np.radians(170))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Glance:
-    """A moment without its picture."""
-
-    motions: F64  # (M, 3) as of a `Frame`
-    truth: F64 | None  # (3,)
-    events: tuple[str, ...]
-    scan: LaserScan | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -131,13 +120,12 @@ class RecordedSession(HasReadingNotes):
         self._kept = (notes, moments) if count <= most else None
         return count, updates.truths > 0
 
-    def glances(self, notes: ReadingNotes) -> Iterator[Glance]:
-        """Yield what is known of every moment without its picture; decodes none."""
+    def glances(self, notes: ReadingNotes) -> Iterator[Moment]:
+        """Yield every moment without its picture; decodes none."""
         updates = _Updates(self, notes)
-        for update in updates:
+        for step, update in enumerate(updates, start=1):
             updates.used(update)
-            events = tuple(updates.events_taken())
-            yield Glance(as_rows(update.motions), update.truth, events, update.aligned.scan)
+            yield updates.moment(update, step, NO_PICTURE)
 
     def known_pictures(self, most: int) -> list[DrivePicture]:
         """Return those of the first `most` updates whose true pose is known; decodes none, raises nothing."""
@@ -346,7 +334,7 @@ def _between_truths(session: RecordedSession) -> Iterator[tuple[Iterable[F64], F
     if session.odometry is not Motion:
         if not (session.observed.pictures or session.observed.scans):
             session = RecordedSession(Placeholders(session.recording), session.options)
-        yield from ((glance.motions, glance.truth, glance.events) for glance in session.glances(notes))
+        yield from ((each.frame.motions, each.truth, each.events) for each in session.glances(notes))
         return
     for record in checked(session.recording, notes):
         if isinstance(record, Motion):

@@ -186,17 +186,17 @@ def build_map(
         expect_absent(target, force=force)
     session = open_session(path, options, listener)
     notes = ReadingNotes(options.keep_going)
-    total = sum(glance.scan is not None for glance in session.glances(ReadingNotes(options.keep_going)))
-    scans = (glance for glance in session.glances(notes) if glance.scan is not None)
+    total = sum(each.frame.scan is not None for each in session.glances(ReadingNotes(options.keep_going)))
+    scans = (each for each in session.glances(notes) if each.frame.scan is not None)
     known, most = 0, max(1, round(until * total))
 
     def posed() -> Iterator[tuple[LaserScan, F64]]:
         nonlocal known
-        for number, glance in enumerate(islice(scans, most), start=1):
+        for number, moment in enumerate(islice(scans, most), start=1):
             listener.progress(number, most, "map")
-            if glance.scan is not None and glance.truth is not None:
+            if moment.frame.scan is not None and moment.truth is not None:
                 known += 1
-                yield glance.scan, glance.truth
+                yield moment.frame.scan, moment.truth
 
     try:
         occupancy = build_occupancy(posed())

@@ -149,11 +149,12 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 
 
 def _draw_alone(log: RecordedSession | SurveyLog, recording_id: str | None) -> None:
+    from maurice_loaders.errors import ReadingNotes
     from maurice_loaders.reading.session import RecordedSession
 
     from ..layouts.drive import drive_blueprint
     from ..panels.drive import DriveView, draw_drive, drive_paths
-    from ..running.drive import glances_of, moments_of
+    from ..running.drive import moments_of
     from ..viewer.sinks import recording
     from .shared.console import note
 
@@ -162,7 +163,9 @@ def _draw_alone(log: RecordedSession | SurveyLog, recording_id: str | None) -> N
         missing = log.info.survey or 'no "survey" in its header'
         advice = f"Its library is not there ({missing}), so that only the drive itself is shown."
         note(f"{log.path}: {advice[0].lower()}{advice[1:]}")
-    drive = DriveView(log.info, drive_paths(glances_of(log), log.info), log.count_pictures() > 0, advice)
+    notes = ReadingNotes(keep_going=True)
+    known = log.glances(notes) if isinstance(log, RecordedSession) else moments_of(log)
+    drive = DriveView(log.info, drive_paths(known, log.info), log.count_pictures() > 0, advice)
     rec = recording(log.info.name, recording_id)
     rec.stdout(default_blueprint=drive_blueprint(drive))
     draw_drive(rec, drive, moments_of(log))

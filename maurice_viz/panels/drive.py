@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Protocol
 
 import numpy as np
 import rerun as rr
@@ -36,22 +35,6 @@ PATH_MARGIN = 0.08  # around the paths, as a share of the longer side
 LEAST_FREE_M = 1.0  # free on each side of them
 
 
-class KnownMoment(Protocol):
-    """A moment without its picture: its movements (M, 3), its true pose (3,) and the log's events."""
-
-    @property
-    def motions(self) -> F64:
-        """Movements (M, 3) as measured."""
-
-    @property
-    def truth(self) -> F64 | None:
-        """The true pose (3,)."""
-
-    @property
-    def events(self) -> tuple[str, ...]:
-        """Events in the log."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivePaths:
     """The paths of a drive and what it holds, known before it is drawn."""
@@ -80,13 +63,14 @@ class DrivePaths:
         return Arena((x_min, y_min, x_max, y_max), np.zeros((0, 4)))
 
 
-def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
-    """Read a drive once. The path by odometry is placed so that it meets the first true pose."""
+def drive_paths(known: Iterable[Moment], info: SessionInfo) -> DrivePaths:
+    """Read a drive, not its pictures. The path by odometry is placed so that it meets the first true pose."""
     own, measured, true = np.zeros(3), SimplifiedPath(MOST_POINTS), SimplifiedPath(MOST_POINTS)
     begins, count, events, moves = info.start, 0, 0, False
     for moment in known:
-        count, events, moves = count + 1, events + len(moment.events), moves or len(moment.motions) > 0
-        for motion in moment.motions:
+        motions, count, events = moment.frame.motions, count + 1, events + len(moment.events)
+        moves |= len(motions) > 0
+        for motion in motions:
             own = compose(own, motion)
         measured.add(own)
         if moment.truth is not None:

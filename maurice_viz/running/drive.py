@@ -11,7 +11,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.reading.observations import SCANS, Gate
-from maurice_loaders.reading.session import Glance, RecordedSession
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import FewerPictures, Placeholders
 from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.values import Frame, Moment
@@ -108,12 +108,3 @@ def moments_of(log: RecordedSession | SurveyLog) -> Iterator[Moment]:
     for step, picture in enumerate(pictures, start=1):
         name = "" if picture.path is None else str(picture.path)
         yield Moment(Frame(step, float(step), np.zeros((0, 3)), picture.image, name), picture.pose)
-
-
-def glances_of(log: RecordedSession | SurveyLog) -> Iterator[Glance]:
-    """Yield what is known of the same moments without their pictures."""
-    if isinstance(log, RecordedSession):
-        yield from log.glances(ReadingNotes(keep_going=True))
-        return
-    for moment in moments_of(log):
-        yield Glance(moment.frame.motions, moment.truth, ())

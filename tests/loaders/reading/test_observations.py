@@ -58,7 +58,7 @@ def play(*records: Record, **options: object) -> tuple[list[Moment], RecordedSes
     moments = list(session.moments())
     assert session.overview()[0] == len(moments)
     glances = list(session.glances(ReadingNotes(session.options.keep_going)))
-    assert [glance.scan is None for glance in glances] == [m.frame.scan is None for m in moments]
+    assert [glance.frame.scan is None for glance in glances] == [m.frame.scan is None for m in moments]
     return moments, session
 
 

@@ -16,11 +16,11 @@ from helpers.commands import run
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.reading.recording import PLACEHOLDER
-from maurice_loaders.reading.session import Glance, RecordedSession
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import Placeholders
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values.session import NO_PICTURE, Frame, Moment, SessionInfo
 from maurice_viz.errors import SILENT
 from maurice_viz.panels import drive as drive_ways
 from maurice_viz.panels.drive import DriveView, drive_paths, reach
@@ -130,6 +130,10 @@ def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(bare, tm
     assert fewer[1].frame.picture != every[1].frame.picture
 
 
+def _moved(motions, truth=None):
+    return Moment(Frame(1, 0.0, motions, NO_PICTURE, ""), truth)
+
+
 @given(start=Poses, steps=st.lists(Poses, min_size=1, max_size=8), known=st.integers(0, 8))
 def test_perfect_odometry_lies_on_the_truth(start, steps, known):
     """Wherever the truth begins to be known."""
@@ -138,7 +142,7 @@ def test_perfect_odometry_lies_on_the_truth(start, steps, known):
         poses.append(compose(poses[-1], step))
     known = min(known, len(steps))
     glances = [
-        Glance(np.array(motions).reshape(-1, 3), pose if k >= known else None, ())
+        _moved(np.array(motions).reshape(-1, 3), pose if k >= known else None)
         for k, (motions, pose) in enumerate(zip([[], *([step] for step in steps)], poses, strict=True))
     ]
     ways = drive_paths(glances, SessionInfo("a"))
@@ -148,20 +152,20 @@ def test_perfect_odometry_lies_on_the_truth(start, steps, known):
 
 def test_ways_are_few_points_in_a_roomy_map(monkeypatch):
     monkeypatch.setattr(drive_ways, "MOST_POINTS", 100)
-    glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
+    glances = (_moved(np.array([[1.0, 0.0, 0.0]])) for _ in range(10_000))
     ways = drive_paths(glances, SessionInfo("a"))
     assert ways.moments == 10_000
     assert 50 <= len(ways.measured) <= 100
     assert np.ptp(np.diff(ways.measured[:-1, 0])) == 0
     assert ways.measured[-1, 0] == 10_000
-    glances = [Glance(np.array([[3.0, 0.0, 0.0]]), None, ()) for _ in range(2)]
+    glances = [_moved(np.array([[3.0, 0.0, 0.0]])) for _ in range(2)]
     arena = drive_paths(glances, SessionInfo("a")).arena
     assert arena.bounds == (2.0, -1.0, 7.0, 1.0)
-    assert drive_paths([Glance(np.zeros((0, 3)), None, ())], SessionInfo("a")).arena is None
+    assert drive_paths([_moved(np.zeros((0, 3)))], SessionInfo("a")).arena is None
     # Where odometry leaves the map, too: the disk at the end of the way is not cut
     small = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
     info = SessionInfo("a", arena=small)
-    glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
+    glances = [_moved(np.array([[0.0, 0.0, 0.0]])), _moved(np.array([[9.0, 0.0, 0.0]]))]
     drive = DriveView(info, drive_paths(glances, info), pictures=False)
     seen = reach(drive)
     assert seen.left < 0 < 9 < seen.right
@@ -171,6 +175,7 @@ def test_ways_are_few_points_in_a_roomy_map(monkeypatch):
 def test_glances_are_moments_without_their_pictures(small_session):
     session = RecordedSession(open_recording(small_session))
     for glance, moment in zip(session.glances(ReadingNotes(False)), session.moments(), strict=True):
-        np.testing.assert_array_equal(glance.motions, moment.frame.motions)
+        np.testing.assert_array_equal(glance.frame.motions, moment.frame.motions)
+        assert (glance.frame.step, glance.frame.time_s) == (moment.frame.step, moment.frame.time_s)
         assert glance.events == moment.events
         assert (glance.truth is None) == (moment.truth is None)
