@@ -353,7 +353,7 @@ def in_order(records: Iterable[Timed], notes: ReadingNotes) -> Iterator[Timed]:
     """
     left_out = Counter[str]()
     waiting: list[tuple[float, int, Timed]] = []
-    newest_s = released_s = float("-inf")
+    newest_s = released_s = before_s = float("-inf")
     number = pictures = fallen = 0
     for record in records:
         if fallen < MOST_FALLEN:
@@ -364,7 +364,7 @@ def in_order(records: Iterable[Timed], notes: ReadingNotes) -> Iterator[Timed]:
         number += 1
         pictures += isinstance(record, Picture)
         heapq.heappush(waiting, (record.t_s, number, record))
-        newest_s = max(newest_s, record.t_s)
+        newest_s, before_s = max(newest_s, min(before_s, record.t_s)), record.t_s  # a lone wrong time is none
         while waiting and (
             waiting[0][0] < newest_s - WINDOW_S or len(waiting) > MOST_WAITING or pictures > MOST_PICTURES
         ):

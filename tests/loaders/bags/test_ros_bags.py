@@ -301,6 +301,12 @@ def test_of_two_drives_in_a_bag_the_first_is_read_and_the_other_told_of(tmp_path
     ]
     records, warnings = read(making.write_ros2(tmp_path / "stray", [*first[:-30], *stray, *first[-30:]]))
     assert len(records) == len(whole)  # a few wrong stamps are no other drive
+    hour_ns = 3600 * 10**9
+    ahead = replace(first[40], message=ros.odometry(BEGIN_NS + hour_ns, (0, 0, 0)), topic="/odom")
+    ahead = replace(ahead, type="nav_msgs/Odometry")
+    records, warnings = read(making.write_ros2(tmp_path / "ahead", [*first[:40], ahead, *first[40:]]))
+    assert [record.t_s for record in records[:-1]] == [record.t_s for record in whole]
+    assert records[-1].t_s == pytest.approx((BEGIN_NS + hour_ns) / 1e9)
 
 
 def test_events_are_texts_and_the_camera_is_described_where_the_bag_knows_it(tmp_path: Path) -> None:
