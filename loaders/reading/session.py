@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -232,18 +232,11 @@ class _Updates:
         self._used = True
 
     def moment(self, update: _Update, step: int, image: U8) -> Moment:
-        motions, aligned = as_rows(update.motions), update.aligned
-        name, readings = aligned.picture.name, self.readings_taken()
+        events, readings, aligned = tuple(self._events), self._readings, update.aligned
+        self._events, self._readings = [], {}
+        motions, name = as_rows(update.motions), aligned.picture.name
         frame = Frame(step, update.time_s, motions, image, name, readings, aligned.scan)
-        return Moment(frame, update.truth, tuple(self.events_taken()))
-
-    def events_taken(self) -> list[str]:
-        events, self._events = self._events, []
-        return events
-
-    def readings_taken(self) -> Mapping[str, float]:
-        readings, self._readings = self._readings, {}
-        return readings
+        return Moment(frame, update.truth, events)
 
     def _seen(self) -> Iterator[Record]:
         for record in checked(self._session.recording, self._notes):

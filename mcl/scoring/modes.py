@@ -80,9 +80,7 @@ def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, Bool]:
     away *= away
     along *= along
     away += along
-    near = away <= radius_m**2
-    if near.any():
-        near &= np.cos(poses[:, 2] - truth[2]) >= np.cos(LOST_RAD)
+    near = (away <= radius_m**2) & (np.cos(poses[:, 2] - truth[2]) >= np.cos(LOST_RAD))
     return float(np.sqrt(away.min())) if len(away) else np.inf, near
 
 
