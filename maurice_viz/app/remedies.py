@@ -17,7 +17,8 @@ from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import recovery_evidence
-from maurice_mcl.filter.localizer import PAST, Localizer
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.past import KEPT
 from maurice_mcl.filter.sensor_proposal import can_propose
 from maurice_mcl.scoring import metrics
 from maurice_mcl.scoring.metrics import DrivenPath
@@ -194,7 +195,7 @@ class _Past:
         """Go through the run once and measure every picture after the branch once. InputError."""
         past, label = cls(point, step, sensors), point.run.manifest.label
         seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
-        last = deque[tuple[Frame, F64]](maxlen=PAST)  # the latest first
+        last = deque[tuple[Frame, F64]](maxlen=KEPT)  # the latest first
         for moment, records in seen:
             if len(past.moments) == MOST_UPDATES:
                 break

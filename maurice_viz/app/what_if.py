@@ -15,7 +15,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
 from maurice_loaders.runs.writer import PARTS, StepRows, rows_of
 from maurice_mcl.filter.branch import recovery_evidence
-from maurice_mcl.filter.localizer import PAST, Localizer
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.past import KEPT
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
@@ -191,9 +192,10 @@ class _Pair:
     def updates(self) -> Iterator[Mapping[str, Step]]:
         """Go through both: up to the branch they share their steps."""
         names, evidences = (self.point.run.manifest.label, self.label), list[float]()
-        past = deque[Past](maxlen=PAST)  # the latest first
+        past = deque[Past](maxlen=KEPT)  # the latest first
         anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
-        state = None
+        run = self.point.localizer
+        state, before = None, run.initialize(self.point.restored.start).belief
         if not self.from_step:
             state = self.point.begin(self.localizer, 0, None, evidences, anywhere=anywhere)
         for moment, record in self.point.steps():
@@ -201,8 +203,10 @@ class _Pair:
             if state is None:
                 evidences.append(recovery_evidence(record))
                 branch = self._looked_at(moment, record)
-                sensed = branch.sighting.comparison.sensed
-                past.appendleft(Past(moment.frame.motions, sensed, record.estimate.pose))
+                comparison = branch.sighting.comparison
+                pose = record.estimate.pose
+                past.appendleft(run.remembered(before, moment.frame, comparison, pose, past))
+                before = record.belief
                 if step == self.from_step:
                     known = (record.belief, evidences, past)
                     state = self.point.begin(self.localizer, step, *known, anywhere=anywhere)

@@ -5,6 +5,7 @@
 - `branch`: the state in which another filter goes on from a step
 - `motion`: motion models and motion outliers
 - `guided_motion`: movements drawn toward where a sensor puts the robot, and weighted for it
+- `past`: the updates before, as pose sensors ask for them
 - `sensor_proposal`: poses that sensors propose, and which of them the cloud tracks
 - `proposal`: initialization, pose sampling, and the mixture proposal
 - `resampling`: schemes, policies, roughening, adaptive size (KLD)

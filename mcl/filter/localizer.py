@@ -38,7 +38,8 @@ from ..values.records import (
 from ..values.session import Frame, Moment, Session
 from .estimate import entry_weights, estimates, log_mean_likelihood
 from .guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
-from .motion import MotionModel, MotionOutliers, keep_in, motion_model, widths, with_outliers
+from .motion import MotionModel, MotionOutliers, keep_in, measured_motion, motion_model, widths, with_outliers
+from .past import KEPT, kept, movement_of
 from .proposal import (
     MixtureParameters,
     ProposedParticles,
@@ -60,7 +61,6 @@ LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
 TRACKED_M = 0.3  # on a map, whose places are no references: see `Localizer.tracked_m`
-PAST = 40  # updates that are kept: those by which proposals are checked
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
 
@@ -168,7 +168,8 @@ class Localizer:
             recovery_test=recovery.test,
             library_evidence=comparison.library_evidence,
         )
-        past = (Past(frame.motions, comparison.sensed, estimate.pose), *state.past)[:PAST]
+        known = kept(frame, comparison, proposal.belief, proposal.movement, estimate.pose, state.past)
+        past = (known, *state.past)[:KEPT]
         return FilterState(frame.step, recovered.belief, recovery.state, past), record
 
     @property
@@ -186,6 +187,15 @@ class Localizer:
         """How near to where a sensor puts the robot a cloud is that tracks it, in meters."""
         return TRACKED_M if self.library.is_map else self.reference.spacing_m
 
+    def remembered(
+        self, belief: Belief, frame: Frame, comparison: Comparison, estimate: F64, past: Sequence[Past]
+    ) -> Past:
+        """Return what `step` kept of an update: of a run that is known by its clouds and estimates (3,)."""
+        predicted = self._predict(belief, frame)
+        follows = self.mixture is not None or self.is_guided
+        movement = movement_of(comparison, predicted, frame, past) if follows else None
+        return kept(frame, comparison, predicted, movement, estimate, past)
+
     def propose(
         self, belief: Belief, frame: Frame, comparison: Comparison, past: Sequence[Past] = ()
     ) -> ProposedParticles:
@@ -195,20 +205,30 @@ class Localizer:
         sensor the mixture is for poses where the cloud is not.
         """
         predicted = self._predict(belief, frame)
-        can_follow = can_propose(self.sensor.sensors.values())
         if self.mixture is None and not self.is_guided:
             return ProposedParticles(predicted)
-        proposals = proposals_of(comparison, predicted, frame, past)
+        movement = movement_of(comparison, predicted, frame, past)
+        motions, link = frame.motions, 0.0
+        if movement is not None:
+            motions, link = movement.motion[None], movement.link
+            if movement.is_linked:
+                noise = self._normals(frame, belief.size)[: belief.size]
+                predicted = replace(belief, poses=measured_motion(belief.poses, movement, noise))
+        can_follow = can_propose(self.sensor.sensors.values())
+        proposals = proposals_of(comparison, predicted, motions, link, past)
         if can_follow and not proposals:
-            return ProposedParticles(predicted)
+            return ProposedParticles(predicted, movement=movement)
         there = elsewhere(proposals, predicted, self.tracked_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)
-            return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, there)
+            proposed = mixture_proposal(
+                predicted, likely, self.reference, self.regions, self.mixture, rng, there
+            )
+            return replace(proposed, movement=movement)
         near = tracked(proposals, predicted, self.tracked_m)
         if near is None or not self.is_guided or not len(frame.motions):
-            return ProposedParticles(predicted)
-        return self._guided(belief, frame, *near)
+            return ProposedParticles(predicted, movement=movement)
+        return replace(self._guided(belief, replace(frame, motions=motions), *near), movement=movement)
 
     def _guided(self, belief: Belief, frame: Frame, pose: F64, covariance: F64) -> ProposedParticles:
         """Move the particles, some of them toward a pose in the map's frame."""

@@ -17,7 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.references import HEADING_BINS, NearestReference
-from ..values import F32, F64, I32, SHARE, Belief, Grid, PoseProposal, number, uniform_log_weights, wrap
+from ..values import (
+    F32,
+    F64,
+    I32,
+    SHARE,
+    Belief,
+    Grid,
+    MeasuredMovement,
+    PoseProposal,
+    number,
+    uniform_log_weights,
+    wrap,
+)
 from .resampling import systematic
 from .sensor_proposal import SENSOR_SHARE, density, draw_poses
 
@@ -151,6 +163,7 @@ class ProposedParticles:
     belief: Belief
     correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
     is_guided: bool = False  # some moved toward where a sensor puts the robot (`guided_motion`)
+    movement: MeasuredMovement | None = None  # as a sensor measured it; None: not asked
 
     @property
     def prior_log_weights(self) -> F64:

@@ -11,14 +11,13 @@ from ..values import (
     F64,
     Belief,
     Comparison,
-    Earlier,
-    Frame,
     Past,
     PoseProposal,
     PoseSensor,
     wrap,
     wrap_angle,
 )
+from .past import earlier
 
 SENSOR_SHARE = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
 TRACKED_SHARE = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
@@ -29,32 +28,23 @@ LEAST_VARIANCE = 1e-6  # added to variances (m^2, rad^2), so that no covariance 
 def proposals_of(
     comparison: Comparison,
     predicted: Belief | None = None,
-    frame: Frame | None = None,
+    motions: F64 | None = None,
+    link: float = 0.0,
     past: Sequence[Past] = (),
 ) -> list[PoseProposal]:
     """Return what the pose sensors propose for a frame.
 
-    With a predicted cloud nothing is asked of a sensor whose reading that cloud explains, and what others
-    propose is checked by the updates before, the latest first.
+    With a predicted cloud nothing is asked of a sensor whose reading that cloud explains, or may explain.
+    With movements (M, 3), and how they link the frame to that before, the updates before check proposals.
     """
     asked = comparison.sensed
     if predicted is not None:
         cloud = predicted.poses, predicted.weights, predicted.origin
-        asked = tuple(part for part in asked if not part.is_explained(*cloud))
-    proposals = (part.confirmed(_earlier(part.name, frame, past)) for part in asked)
+        asked = tuple(part for part in asked if part.is_explained(*cloud) is False)
+    before = past if motions is not None else ()
+    movements = np.zeros((0, 3)) if motions is None else motions
+    proposals = (part.confirmed(earlier(part.name, movements, link, before)) for part in asked)
     return [proposal for proposal in proposals if proposal is not None]
-
-
-def _earlier(name: str, frame: Frame | None, past: Sequence[Past]) -> list[Earlier]:
-    """Return what a sensor read before a frame, the latest first."""
-    if frame is None:
-        return []
-    after = (frame.motions, *(before.motions for before in past))
-    read = [{part.name: part.reading for part in before.sensed} for before in past]
-    return [
-        Earlier(motions, readings.get(name), before.estimate)
-        for motions, readings, before in zip(after, read, past, strict=False)
-    ]
 
 
 def can_propose(sensors: Iterable[PoseSensor]) -> bool:

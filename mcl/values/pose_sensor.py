@@ -184,8 +184,10 @@ class PoseSensor(Protocol):
     `weighs_references`, false for one that need not say how well a library's references agree. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
     not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains
-    the reading, so that nothing is proposed; and `confirmed(reading, proposal, earlier)`: what is left of a
-    proposal by what was read before. `fits(reading, pose)` is how well a reading fits an estimate:
+    the reading, None where it may, so that nothing is proposed; and `confirmed(reading, proposal, earlier)`:
+    what is left of a proposal by what was read before, for which `support(reading, pose)` says by how many
+    nats a reading speaks for an estimate. Where a cloud does not explain a reading, particles follow
+    `movement(reading, motion, earlier)`. `fits(reading, pose)` is how well a reading fits an estimate:
     without channels the lost signal reads it.
 
         >>> import numpy as np, maurice_mcl as mcl
@@ -231,13 +233,33 @@ class PoseSensor(Protocol):
         ...
 
 
+LINKED_NATS = -1.0  # a point of a reading: worse, and the robot was carried since the one before
+FITTING_NATS = -0.8  # better: nothing happened between them
+
+
 @dataclass(frozen=True, eq=False)
 class Earlier:
     """What a sensor read in an earlier frame, and where the filter thought to be."""
 
     motions: F64  # (M, 3) from there to the next frame
+    link: float  # nats a point by which what the sensor read next fits what it had read, along them
     reading: Any | None
     estimate: F64  # (3,) in the map's frame
+    trust: float = 0.0  # nats by which what was read up to then speaks for the estimate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredMovement:
+    """How the robot moved since the frame before, as a sensor measures it."""
+
+    motion: F64  # (3,) forward_m, left_m, turn_rad
+    covariance: F64  # (3, 3)
+    link: float  # nats a point, <= 0, by which the reading fits those before, along the movement
+
+    @property
+    def is_linked(self) -> bool:
+        """Whether the reading fits those before: else the robot was carried, or all that it sees is new."""
+        return self.link > LINKED_NATS
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,10 +276,22 @@ class Sensed:
         """The name of the sensor."""
         return self.sensor.name
 
-    def is_explained(self, poses: F32, weights: F64, origin: F64) -> bool:
-        """Return whether a cloud (N, 3) explains the reading, so that the sensor has nothing to propose."""
+    def is_explained(self, poses: F32, weights: F64, origin: F64) -> bool | None:
+        """Return whether a cloud (N, 3) explains the reading; None where the map cannot tell."""
         explains = getattr(self.sensor, "explains", None)
-        return explains is not None and bool(explains(self.reading, poses, weights, origin))
+        explained: bool | None = explains is not None and explains(self.reading, poses, weights, origin)
+        return explained
+
+    def support(self, pose: F64) -> float:
+        """Return by how many nats the reading speaks for a pose (3,); 0 for a sensor that does not say."""
+        support = getattr(self.sensor, "support", None)
+        return 0.0 if support is None else float(support(self.reading, pose))
+
+    def movement(self, motion: F64, earlier: Sequence[Earlier]) -> MeasuredMovement | None:
+        """Return the movement that the readings tell of, where wheels measured `motion` (3,)."""
+        movement = getattr(self.sensor, "movement", None)
+        measured: MeasuredMovement | None = movement and movement(self.reading, motion, earlier)
+        return measured
 
     def confirmed(self, earlier: Sequence[Earlier]) -> PoseProposal | None:
         """Return what is left of the proposal by what was read before, the latest first."""

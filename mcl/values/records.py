@@ -288,6 +288,8 @@ class Past:
     motions: F64  # (M, 3) of its frame
     sensed: tuple[Sensed, ...]
     estimate: F64  # (3,) in the map's frame
+    link: float = 0.0  # nats a point by which a sensor's reading fits those before, along the motions
+    trust: float = 0.0  # nats by which readings up to this one speak for the estimate
 
 
 @dataclass(frozen=True, slots=True, eq=False)

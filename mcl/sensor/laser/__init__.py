@@ -8,6 +8,7 @@
 - `fit`: how a scan fits the map at the truth, at an estimate, and with the laser mounted otherwise
 - `beams`: each beam judged at one pose (agrees, short, beyond, unknown, miss), and what is shown of that
 - `matching`: where on a map one scan was taken: all poses searched, from coarse to fine
+- `odometry`: how the robot moved between scans, by the scans
 - `history`: whether earlier scans fit a place, too
 - `sensor`: the pose sensor `Laser`
 """

@@ -141,11 +141,11 @@ def bounded(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spr
     return np.log(likelihood, out=likelihood)  # `np.logaddexp`, five times as fast
 
 
-def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
+def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool | None:
     """Return whether a cloud (N, 3) is where the scan may be from; weights are (N,).
 
-    A cloud that is together where most beams end in unknown space may be right, if they do not pass through
-    walls: the map cannot tell.
+    None where the map cannot tell: the cloud is together where most beams end in unknown space, and they do
+    not pass through walls.
     """
     stride = -(-len(poses) // SAMPLED)
     poses, weights = poses[::stride], weights[::stride]
@@ -156,7 +156,7 @@ def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, 
     together = float(weights @ np.square(off).sum(axis=1)) < TOGETHER_M**2
     if together and float(weights @ unknown) > (1 - LEAST_KNOWN) * beams:
         pose = (poses[weights.argmax()] + [*origin, 0.0]).astype(np.float64)
-        return float(there.through_walls(reading, pose).sum()) < MOST_THROUGH * beams
+        return None if float(there.through_walls(reading, pose).sum()) < MOST_THROUGH * beams else False
     worth = _worth_known(total, unknown, beams)
     best = np.argsort(-worth)
     share = np.cumsum(weights[best])

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, reduce
-from itertools import takewhile
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from ...values import (
     F64,
     Earlier,
     Frame,
+    MeasuredMovement,
     OccupancyMap,
     PoseProposal,
     PoseSpread,
@@ -27,9 +27,20 @@ from ...values import (
 )
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
-from .history import BELIEVED, agreeing, contradicts
+from .history import BELIEVED, agreeing
 from .matching import Matcher
-from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, laser_map, worth_at
+from .models import (
+    MODELS,
+    UNKNOWN_NATS,
+    LaserMap,
+    calibrated,
+    explained,
+    fitting,
+    in_unknown_space,
+    laser_map,
+    worth_at,
+)
+from .odometry import movement_by_scans
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
@@ -85,27 +96,28 @@ class Laser:
     def confirmed(
         self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
     ) -> PoseProposal | None:
-        """Return the places of a proposal that explain the scans better than where the filter thinks to be.
-
-        A robot that was carried off has been there since the estimates stopped to explain the scans. One that
-        drove off the map may see what looks like a place of the map: then all scans that are kept are asked.
-        """
+        """Return the places of a proposal where the robot may be by the scans before, too."""
         if not earlier:
             return proposal
         here = reduce(compose, earlier[0].motions, earlier[0].estimate)
-        fits = (None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier)
-        unexplained = list(takewhile(lambda fit: fit is None or fit < EXPLAINED_NATS, fits))
-        first = earlier[len(unexplained) - 1] if unexplained else None
-        drove = first is not None and (len(unexplained) == len(earlier) or not contradicts(self._map, first))
-        off_map = None in unexplained and drove
-        since = earlier if off_map else earlier[: len(unexplained)]
-        scans = [Earlier(np.zeros((0, 3)), reading, here), *since]
-        kept = agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map)
+        scans = [Earlier(np.zeros((0, 3)), 0.0, reading, here), *earlier]
+        kept = agreeing(self._map, proposal, here, scans)
         return replace(proposal.only(kept), believed=BELIEVED) if kept.any() else None
 
-    def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
-        """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
+    def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool | None:
+        """Return whether a cloud (N, 3) explains the scan; None where the map cannot tell."""
         return explained(self._map, reading, poses, weights, origin)
+
+    def support(self, reading: LaserReading, pose: F64) -> float:
+        """Return by how many nats a reading speaks for a pose (3,), rather than for unknown space."""
+        turned = np.array([[0.0, 0.0, pose[2]]], np.float32)
+        return float(calibrated(self._map, reading, turned, pose[:2], 0.0)[0] - in_unknown_space(reading))
+
+    def movement(
+        self, reading: LaserReading, motion: F64, earlier: Sequence[Earlier]
+    ) -> MeasuredMovement | None:
+        """Return how the robot moved by this scan and those before."""
+        return movement_by_scans(reading.scan.points(), motion, earlier)
 
     def fits(self, reading: LaserReading, pose: F64) -> float | None:
         """Return the nats a beam at a pose (3,) in the map's frame; None where most end in unknown space."""
