@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..values import (
+    DOUBTFUL_NATS,
     F32,
     F64,
     Belief,
@@ -40,7 +41,8 @@ def proposals_of(
     asked = comparison.sensed
     if predicted is not None:
         cloud = predicted.poses, predicted.weights, predicted.origin
-        asked = tuple(part for part in asked if part.is_explained(*cloud) is False)
+        if link > DOUBTFUL_NATS:  # else the robot may be where a few particles fit by chance
+            asked = tuple(part for part in asked if part.is_explained(*cloud) is False)
     before = past if motions is not None else ()
     movements = np.zeros((0, 3)) if motions is None else motions
     proposals = (part.confirmed(earlier(part.name, movements, link, before)) for part in asked)

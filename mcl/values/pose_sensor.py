@@ -234,6 +234,7 @@ class PoseSensor(Protocol):
 
 
 LINKED_NATS = -1.0  # a point of a reading: worse, and the robot was carried since the one before
+DOUBTFUL_NATS = -0.98  # it was carried, or its wheels slipped
 FITTING_NATS = -0.8  # better: nothing happened between them
 
 

@@ -56,7 +56,7 @@ def agreeing(there: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence
     near, trust = apart_m[-1] < DRIFT_M, scans[-1].trust
     links = np.array([scan.link for scan in scans[1:]])
     before = totals[-1, -1] - totals[-1, :-1] + trust  # nats for here, of the scans before it was carried
-    carried = totals[:, :-1] + before - carried_cost(links)
+    carried = totals[:, :-1] + before - _carried_cost(links)
     stayed = totals[:, -1] + trust * near
     carried[-1] = -np.inf
     options = np.column_stack([carried, stayed])
@@ -68,7 +68,7 @@ def agreeing(there: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence
     return np.asarray((fits & (_sure(nats, apart_m) | possible))[:-1])
 
 
-def carried_cost(links: F64) -> F64:
+def _carried_cost(links: F64) -> F64:
     """Return the nats against having been carried between scans that fit each other by some nats a point."""
     share = np.clip((links - LINKED_NATS) / (FITTING_NATS - LINKED_NATS), 0, 1)
     return np.asarray(CARRIED_COST + (FITTING_COST - CARRIED_COST) * share**2)
@@ -90,7 +90,7 @@ def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier
     spread = np.linalg.cholesky(covariances + 1e-6 * np.eye(3))
     drawn = np.einsum("jab,jsb->jsa", spread, rng.standard_normal((count, SAMPLES, 3)))
     poses, total = poses[:, None] + drawn, np.zeros((count, len(scans)))
-    middles, field = (np.arange(SAMPLES) + 0.5) / SAMPLES, there.field("calibrated", SIGMA_M)
+    middles, field = (np.arange(SAMPLES) + 0.5) / SAMPLES, there.field("lasting", SIGMA_M)
     back, hit = np.zeros(3), np.zeros(0, np.int64)
     for number, before in enumerate(scans):
         poses = _back(poses, before.motions, rng)

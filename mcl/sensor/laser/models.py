@@ -23,7 +23,7 @@ SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
 SCAN_OUTLIER_NATS = 24.0  # a pose costs no more: a scan may show what the map does not have
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
-UNKNOWN_NEAR = (math.exp(UNKNOWN_NATS) - OUTLIER) / (1 - OUTLIER)  # as near to a wall that is as if
+LASTING_OUTLIER = 0.25  # the same where many scans are asked: what is not on the map, many of them see
 INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them count no more than these
 
 # A cloud explains a scan where its best poses fit so well, of the beams that end where the map is known. At
@@ -96,6 +96,9 @@ class LaserMap:
         outside = self.parameters.laser_likelihood_max_dist
         if model == "calibrated":
             made = Field.of(worth_of(self.walls, self.edges, sd_m), UNKNOWN_NATS, self.occupancy)
+        elif model == "lasting":
+            lasting = worth_of(self.walls, self.edges, sd_m, LASTING_OUTLIER)
+            made = Field.of(lasting, UNKNOWN_NATS, self.occupancy)
         else:
             value_of = _cubed if model == "likelihood_field" else np.log
             worth = self.walls, value_of(self.pz(self.walls.meters, sd_m, max_m))
@@ -114,13 +117,14 @@ def laser_map(occupancy: OccupancyMap, parameters: LaserParameters) -> LaserMap:
     return LaserMap(occupancy, parameters)
 
 
-def worth_of(walls: Distances, edges: Distances, sd_m: float) -> list[Worth]:
+def worth_of(walls: Distances, edges: Distances, sd_m: float, outlier: float = OUTLIER) -> list[Worth]:
     """Return our nats, <= 0, of a beam by how far from walls it ends, and from unknown cells.
 
     A beam that ends in a free cell beside unknown ones may be a wall's that was seen only from far away.
     """
-    near = (walls, _near(walls.meters, sd_m)), (edges, UNKNOWN_NEAR * _near(edges.meters, sd_m))
-    return [(apart, np.log(like * (1 - OUTLIER) + OUTLIER)) for apart, like in near]
+    unknown = (math.exp(UNKNOWN_NATS) - outlier) / (1 - outlier)  # as near to a wall that is as if
+    near = (walls, _near(walls.meters, sd_m)), (edges, unknown * _near(edges.meters, sd_m))
+    return [(apart, np.log(like * (1 - outlier) + outlier)) for apart, like in near]
 
 
 def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:

@@ -13,7 +13,17 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ...values import F32, F64, LINKED_NATS, Earlier, MeasuredMovement, compose_motions, inverse, rotated
+from ...values import (
+    DOUBTFUL_NATS,
+    F32,
+    F64,
+    LINKED_NATS,
+    Earlier,
+    MeasuredMovement,
+    compose_motions,
+    inverse,
+    rotated,
+)
 
 SCANS = 10  # before this one that it is matched with
 REACH_M = 20.0  # points farther off are left out
@@ -27,7 +37,6 @@ FLOOR = np.diag([0.01, 0.01, 0.003]) ** 2  # covariance of a movement at least
 SLIPPED = np.array([0.5, 0.5, 0.4])  # the same standard deviations where wheels slip
 # nats a point: a scan that fits worse may come after a slip; which has to fit so much better, and so well
 CLEAR_NATS, SLIP_GAIN, SLIP_NATS = -0.3, 0.2, -0.6
-DOUBTFUL_NATS = -0.98  # link of a slip without which the scan would not fit those before at all
 ROUNDS = 4
 DRAWN: F64 = np.random.default_rng(0).standard_normal((300, 3))  # the same for every scan
 DRAWN[0] = 0.0
