@@ -21,9 +21,9 @@ from .reading import LaserReading
 # average 0.7 to 1.1 times what the likelihood says.
 SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
+LASTING_OUTLIER = 0.25  # the same where many scans are asked: what is not on the map, many of them see
 SCAN_OUTLIER_NATS = 24.0  # a pose costs no more: a scan may show what the map does not have
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
-LASTING_OUTLIER = 0.25  # the same where many scans are asked: what is not on the map, many of them see
 INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them count no more than these
 
 # A cloud explains a scan where its best poses fit so well, of the beams that end where the map is known. At
