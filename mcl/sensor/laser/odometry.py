@@ -2,7 +2,7 @@
 
 The scans before are laid out along their movements, and the movement that makes the last one fit is found by
 importance sampling around what the wheels measured (Olson, ICRA 2009, rates a grid of movements in the same
-way). Where the map says nothing, a filter drifts a tenth to a fortieth as far as by its wheels.
+way). Where the map says nothing, a filter drifts a sixth to an eleventh as far as by its wheels.
 """
 
 from __future__ import annotations
