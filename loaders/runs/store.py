@@ -21,7 +21,7 @@ from ..errors import FieldError, InputError
 from ..files.text import expect_regular, items, read_json, show
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
-from .checks import check_cloud, check_step, check_table, check_update, expect_files
+from .checks import check_cloud, check_step, check_update, expect_files, step_rules
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object
 from .writer import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
 
@@ -108,7 +108,7 @@ def open_run(folder: str | Path) -> SavedRun:
 
 def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterator[StepRows]:
     """Read the updates of one part, each checked; the first of them should have the number `first`."""
-    file = folder / "steps" / name
+    rules, file = step_rules(manifest.channels, recorded=manifest.recorded), folder / "steps" / name
     steps = _table(file, steps_schema(manifest.channels))
     for number, found in enumerate(steps["step"], first):
         if found != number:
@@ -116,7 +116,7 @@ def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterato
     particles = _cloud(folder / "particles" / name, PARTICLES, steps)
     renewed = _cloud(folder / "renewed" / name, RENEWED, steps)
     for number, row in enumerate(steps.iter_rows(named=True), first):
-        check_step(file, row)
+        check_step(file, row, rules)
         rows = StepRows(
             row,
             particles.get(number, pl.DataFrame(schema=PARTICLES)),
@@ -142,14 +142,12 @@ def _table(file: Path, schema: Mapping[str, Any]) -> pl.DataFrame:
         if wrong:
             raise InputError(file, f"found no column {wrong[0]} as expected; was it made by another version?")
         content.seek(0)
-        table = pl.read_parquet(content, columns=list(schema))
+        return pl.read_parquet(content, columns=list(schema))
     except FileNotFoundError:
         raise InputError(file, "is missing; is the run whole?") from None
     except (OSError, pl.exceptions.PolarsError) as problem:
         first = str(problem).strip().splitlines()[:1]
         raise InputError(file, f"is a damaged Parquet file ({''.join(first)}); restore it") from None
-    check_table(file, table)
-    return table
 
 
 @dataclass(frozen=True, slots=True)

@@ -232,4 +232,4 @@ maurice_viz.cli.main.main()
 def test_at_the_end_all_is_written_and_nothing_freed_piece_by_piece(status):
     code = LEAVING.format(status=status)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (status, "50000 20 100\nclosed\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (status, "200000 20 100\nclosed\n", "")
