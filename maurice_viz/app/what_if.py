@@ -194,8 +194,8 @@ class _Pair:
         names, evidences = (self.point.run.manifest.label, self.label), list[float]()
         past = deque[Past](maxlen=KEPT)  # the latest first
         anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
-        run = self.point.localizer
-        state, before = None, run.initialize(self.point.restored.start).belief
+        original = self.point.localizer
+        state, before = None, original.initialize(self.point.restored.start).belief
         if not self.from_step:
             state = self.point.begin(self.localizer, 0, None, evidences, anywhere=anywhere)
         for moment, record in self.point.steps():
@@ -205,7 +205,7 @@ class _Pair:
                 branch = self._looked_at(moment, record)
                 comparison = branch.sighting.comparison
                 pose = record.estimate.pose
-                past.appendleft(run.remembered(before, moment.frame, comparison, pose, past))
+                past.appendleft(original.remembered(before, moment.frame, comparison, pose, past))
                 before = record.belief
                 if step == self.from_step:
                     known = (record.belief, evidences, past)

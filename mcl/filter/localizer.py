@@ -39,7 +39,7 @@ from ..values.session import Frame, Moment, Session
 from .estimate import entry_weights, estimates, log_mean_likelihood
 from .guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
 from .motion import MotionModel, MotionOutliers, keep_in, measured_motion, motion_model, widths, with_outliers
-from .past import KEPT, kept, movement_of
+from .past import KEPT, kept, movement_of, unexplained
 from .proposal import (
     MixtureParameters,
     ProposedParticles,
@@ -191,40 +191,40 @@ class Localizer:
         self, belief: Belief, frame: Frame, comparison: Comparison, estimate: F64, past: Sequence[Past]
     ) -> Past:
         """Return what `step` kept of an update: of a run that is known by its clouds and estimates (3,)."""
-        predicted = self._predict(belief, frame)
-        follows = self.mixture is not None or self.is_guided
-        movement = movement_of(comparison, predicted, frame, past) if follows else None
+        predicted, follows = self._predict(belief, frame), self.mixture is not None or self.is_guided
+        movement = movement_of(unexplained(comparison, predicted), frame, past) if follows else None
         return kept(frame, comparison, predicted, movement, estimate, past)
 
     def propose(
         self, belief: Belief, frame: Frame, comparison: Comparison, past: Sequence[Past] = ()
     ) -> ProposedParticles:
-        """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood.
+        """Move the particles: by the motion model, or as a sensor measures it where they do not explain it.
 
-        Where a sensor proposes a pose that the cloud tracks, some particles move toward it. With such a
-        sensor the mixture is for poses where the cloud is not.
+        With a mixture some are drawn from the picture's likelihood; where a sensor proposes poses, from those
+        where the cloud is not. Toward one that the cloud tracks some particles move.
         """
         predicted = self._predict(belief, frame)
         if self.mixture is None and not self.is_guided:
             return ProposedParticles(predicted)
-        movement = movement_of(comparison, predicted, frame, past)
+        can_follow, asked = can_propose(self.sensor.sensors.values()), unexplained(comparison, predicted)
+        if can_follow and not asked:
+            return ProposedParticles(predicted)
+        movement = movement_of(asked, frame, past)
         motions, link = frame.motions, 0.0
         if movement is not None:
             motions, link = movement.motion[None], movement.link
             if movement.is_linked:
                 noise = self._normals(frame, belief.size)[: belief.size]
                 predicted = replace(belief, poses=measured_motion(belief.poses, movement, noise))
-        can_follow = can_propose(self.sensor.sensors.values())
         proposals = proposals_of(comparison, predicted, motions, link, past)
         if can_follow and not proposals:
             return ProposedParticles(predicted, movement=movement)
         there = elsewhere(proposals, predicted, self.tracked_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)
-            proposed = mixture_proposal(
-                predicted, likely, self.reference, self.regions, self.mixture, rng, there
-            )
-            return replace(proposed, movement=movement)
+            nearest, places = self.reference, self.regions
+            mixed = mixture_proposal(predicted, likely, nearest, places, self.mixture, rng, there)
+            return replace(mixed, movement=movement)
         near = tracked(proposals, predicted, self.tracked_m)
         if near is None or not self.is_guided or not len(frame.motions):
             return ProposedParticles(predicted, movement=movement)

@@ -15,6 +15,7 @@ from ..values import (
     Frame,
     MeasuredMovement,
     Past,
+    Sensed,
     compose_motions,
     motion_between,
     wrap_angle,
@@ -38,19 +39,19 @@ def earlier(name: str, motions: F64, link: float, past: Sequence[Past]) -> list[
     ]
 
 
-def movement_of(
-    comparison: Comparison, predicted: Belief, frame: Frame, past: Sequence[Past]
-) -> MeasuredMovement | None:
-    """Return how the robot moved by a sensor whose reading the predicted cloud does not explain."""
+def unexplained(comparison: Comparison, predicted: Belief) -> list[Sensed]:
+    """Return what sensors read that a predicted cloud does not explain for certain."""
+    cloud = predicted.poses, predicted.weights, predicted.origin
+    return [part for part in comparison.sensed if part.is_explained(*cloud) is not True]
+
+
+def movement_of(sensed: Sequence[Sensed], frame: Frame, past: Sequence[Past]) -> MeasuredMovement | None:
+    """Return how the robot moved by the first sensor that measures it."""
     if not past or not len(frame.motions):
         return None
     motion = reduce(compose_motions, frame.motions)
-    for part in comparison.sensed:
-        if part.is_explained(predicted.poses, predicted.weights, predicted.origin) is not True:
-            movement = part.movement(motion, earlier(part.name, frame.motions, 0.0, past))
-            if movement is not None:
-                return movement
-    return None
+    movements = (part.movement(motion, earlier(part.name, frame.motions, 0.0, past)) for part in sensed)
+    return next((movement for movement in movements if movement is not None), None)
 
 
 def kept(
