@@ -1,7 +1,8 @@
 """Where panels stand on a screen, by name. Views come from `panels`; nothing is drawn or computed here.
 
-story               the first screen: what happened, where, what was seen, and when; compare and traces:
-                    runs side by side, and one number per update over the session
+story               the first screen: what happened, where, what was seen, and when; traces: one number per
+                    update over the session
+compare             two to four runs side by side
 registry            all layouts of a recording, as tabs of one blueprint
 one_run             overview, inside-a-step, explain, sensors: one run at a glance, from the inside, and why
 drive               a drive by itself, without a filter

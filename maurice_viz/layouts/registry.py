@@ -11,7 +11,8 @@ from ..panels.views import FPS, window
 from ..scene import RunView, Scene
 from ..style import font_safe_names
 from . import LIGHT_NAMES, one_run
-from .story import compare, recorded_traces, story, traces
+from .compare import compare
+from .story import recorded_traces, story, traces
 
 EXPLAIN, SENSORS, MORE = "explain", "sensors", "more"
 OF_CHANNELS = ("overview",)  # layouts about channels and their references

@@ -15,6 +15,7 @@ from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, story
+from maurice_viz.layouts.compare import compare
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.story import error_axis
 from maurice_viz.panels.traces import MOST_LETTERS
@@ -70,7 +71,7 @@ def test_a_title_is_short_or_not_shown():
     layouts = [one_run.overview, one_run.explain, one_run.sensors, one_run.recorded, one_run.inside_a_step]
     screens = [layout(BLENDED, shown()) for layout in layouts] + [
         story.traces(runs, shown()),
-        story.compare(runs, shown()),
+        compare(runs, shown()),
     ]
     for view in (view for screen in screens for view in views(screen)):
         assert view.titlebar is False or len(str(view.name)) <= MOST_LETTERS, view.name

@@ -23,7 +23,7 @@ from maurice_mcl.scoring.modes import gains_by_channel, picture_gain
 from maurice_viz import entities
 from maurice_viz import entities as paths
 from maurice_viz.drawing.histogram_row import CELLS_PX, HIGH_PX, cells_of, draw_row
-from maurice_viz.layouts import story
+from maurice_viz.layouts.compare import compare
 from maurice_viz.panels.comparison import DOTS_A_CLOUD, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, RunResult, aligned, run_together, shared
 from maurice_viz.scene import RunView, Scene, numbered
@@ -164,7 +164,7 @@ def test_own_drives_have_their_own_truth(tmp_path):
     assert {paths.truth_of("c"), paths.camera_of("c")} <= there
     assert not {paths.truth_of("größe"), paths.camera_of("größe")} & there
     runs = numbered([RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)])
-    found = list(views(story.compare(runs, shown())))
+    found = list(views(compare(runs, shown())))
     assert paths.camera_of("b") in {str(view.origin) for view in found}
     (clouds,) = (view for view in found if str(view.name) == "Clouds")
     assert {entities.TRUTH, paths.truth_of("b")} <= {str(path) for path in clouds.contents}
@@ -195,7 +195,7 @@ def shown(has_truth: bool = True) -> Scene:
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_the_layout_has_one_close_up_and_a_row_of_histograms_a_run(count, has_truth):
     runs = numbered(RunView(f"seed {k}", ("color", "edges")) for k in range(count))
-    found = list(views(story.compare(runs, shown(has_truth))))
+    found = list(views(compare(runs, shown(has_truth))))
     titles = [str(view.name) for view in found]
     assert titles.count("Clouds") == titles.count("This step") == titles.count("Whole drive") == 1
     assert titles.count("Best match") == count
@@ -209,6 +209,6 @@ def test_the_layout_has_one_close_up_and_a_row_of_histograms_a_run(count, has_tr
 @pytest.mark.parametrize("count", [2, 4])
 def test_recorded_localizers_have_the_map_instead_of_pictures(count):
     runs = numbered(RunView(f"amcl {k}", ()) for k in range(count))
-    titles = [str(view.name) for view in views(story.compare(runs, shown()))]
+    titles = [str(view.name) for view in views(compare(runs, shown()))]
     assert "Map" in titles
     assert not any("Histograms" in title or "Best" in title for title in titles)
