@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -16,52 +15,16 @@ from maurice_mcl.values import F64, SessionInfo, motion_between
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
 from ..files.pictures import decode_picture
-from ..files.text import MOST_T_S, time_falls, up_to
-from ..reading.recording import Motion, Note, OdometryPose, Picture, Record
+from ..reading.recording import Motion, Note, OdometryPose, Picture, Record, Scan
 from ..session_log.header import header_from_json
 from ..session_log.records import LineReader, LogLine, parse_object
+from .clocks import LiveClock
 from .source import Connected, Disconnected, Listening, LiveSource, Malformed
-
-# One clock for a session whose source may restart: times that never decrease.
-
-APART_S = 2.0  # between two starts: truth is not interpolated over more than 1 s
-SET_BACK = 20  # consecutive records with decreasing times mean that the clock was set back
-
-
-class LiveClock:
-    """Shifts the times of a restarted source behind those before."""
-
-    def __init__(self) -> None:
-        self.shift_s = 0.0  # added to the source's times
-        self.last_s = -math.inf  # the last time returned
-        self._anew = True
-        self._falls = 0
-
-    def restart(self) -> None:
-        """Note that the next time may come from another clock."""
-        self._anew = True
-
-    def time(self, t_s: float) -> float:
-        """Return the session's time for the source's. FieldError for one that decreases, or is too large.
-
-        A clock that was restarted, or decreases for 20 records, is shifted to 2 s behind the last time.
-        """
-        if t_s + self.shift_s < self.last_s:
-            self._falls += 1
-            if not self._anew and self._falls < SET_BACK:
-                raise FieldError(time_falls(t_s, self.last_s - self.shift_s))
-            self.shift_s = self.last_s + APART_S - t_s
-        if abs(t_s + self.shift_s) > MOST_T_S:
-            raise FieldError(f"found t {t_s:.15g}, expected {up_to(MOST_T_S)}")
-        self._anew, self._falls = False, 0
-        self.last_s = t_s + self.shift_s
-        return self.last_s
-
 
 # Lines of a live source: a header, then records in time order.
 
 MOST_BROKEN = 100  # consecutive invalid lines after which a peer is disconnected
-GAP = "gap"  # first word of the event that reports one
+GAP, CLOCK = "gap", "clock"  # first words of the events that report one, and a clock that was set back
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +41,7 @@ class Counts:
 
     records: int = 0
     pictures: int = 0
+    scans: int = 0
     broken: int = 0  # lines left out
     gaps: int = 0  # interruptions
 
@@ -100,6 +64,7 @@ class Intake:
         self._why = ""  # it is away
         self._hung_up = ""  # why we hung up the last time
         self._away_since_s: float | None = None
+        self._anew = False  # a header came in the middle
         self._odometry: F64 | None = None  # the last pose (3,), of a source that sends poses
 
     def __iter__(self) -> Iterator[Received | None]:
@@ -139,6 +104,7 @@ class Intake:
             record = self._reader.record(line)
             t_s = self._clock.time(record.t_s)
             yield from self._mind_the_gap(t_s)
+            yield from self._mind_the_clock(t_s)
             received = self._as_recorded(record, line, t_s)
         except FieldError as problem:
             self._broken(line, problem)
@@ -147,6 +113,7 @@ class Intake:
         self._listening.heard()
         self.counts.records += 1
         self.counts.pictures += isinstance(record, Picture)
+        self.counts.scans += isinstance(record, Scan)
         yield received
 
     def _greet(self, line: LogLine) -> None:
@@ -157,7 +124,7 @@ class Intake:
         self._header_next = False
         self._listening.greeted()
         self._clock.restart()
-        self._odometry = None
+        self._odometry, self._anew = None, self.counts.records > 0
         if self.info is None:
             self.info = info
         elif (info.name, info.robot, info.cameras) != (self.info.name, self.info.robot, self.info.cameras):
@@ -177,17 +144,32 @@ class Intake:
         if self._away_since_s is None:
             return
         away_s, self._away_since_s, self._why = time.monotonic() - self._away_since_s, None, ""
+        self._anew, self._clock.set_back_s = False, 0.0  # which the gap explains
         if self.counts.records:
             self.counts.gaps += 1
             text = f"{GAP}: the source was away for {away_s:.1f} s"
             self._say(f"{self._source.name}: back after {away_s:.1f} s")
             yield Received(Note(t_s, text), _line({"t": t_s, "event": text}))
 
+    def _mind_the_clock(self, t_s: float) -> Iterator[Received]:
+        """Yield the event of a clock that was set back, or of a session that began anew, at this record."""
+        back_s, anew, self._anew = self._clock.set_back_s, self._anew, False
+        if not (back_s or anew):
+            return
+        self._odometry = None
+        what = f"set back by {back_s:.1f} s" if back_s else "begun anew"
+        text = f"{CLOCK}: {what}; odometry across it is not known"
+        self._say(f"{self._source.name}: its clock was {what}; goes on from there")
+        yield Received(Note(t_s, text), _line({"t": t_s, "event": text}))
+
     def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
         if isinstance(record, OdometryPose):  # a stream has no time to look for the poses around a picture
             before, self._odometry = self._odometry, record.pose
             motion = motion_between(record.pose if before is None else before, record.pose)
             record = Motion(record.t_s, motion)
+            fields = parse_object(line)
+            fields = fields | {"t": t_s, "odometry": motion.tolist(), "pose": fields.pop("odometry_pose")}
+            return Received(replace(record, t_s=t_s), _line(fields))
         by_path = isinstance(record, Picture) and record.path is not None
         if not by_path and not self._clock.shift_s:
             return Received(record, line.data + b"\n")

@@ -265,7 +265,7 @@ class LiveSession(HasReadingNotes):
 
     def _take_in(self) -> None:
         passed: Aligned | None = None  # the last picture that makes no update, with all before it
-        for aligned in self._observations(Aligner(most=MOST)(self._records()), MOST):
+        for aligned in self._observations(Aligner(most=MOST, prompt=True)(self._records()), MOST):
             if passed is not None:
                 aligned.follow(passed, MOST)
             passed = aligned

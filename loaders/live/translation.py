@@ -32,7 +32,9 @@ from ..bags.topics import PoseTopic
 from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
 from ..files.pictures import encode_jpeg
+from ..session_log.header import header_of
 from ..session_log.records import scan_to_json
+from .clocks import MessageClock
 from .poses import PoseHistory, short, stamped_poses, time_of
 
 MOST_PICTURES = 8  # that wait for the odometry after them ...
@@ -95,9 +97,11 @@ class _Unencoded:
 class Translator:
     """Turns messages into records of a session log, as objects to be written as lines."""
 
-    def __init__(self, max_dt_s: float) -> None:
+    def __init__(self, max_dt_s: float, name: str = "robot") -> None:
+        """`name` is that of the header which begins the session anew after a clock was set back."""
         self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
-        self._max_dt_s = max_dt_s
+        self._max_dt_s, self._name = max_dt_s, name
+        self._clock = MessageClock()
         self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
         self._sources: dict[PoseTopic, PoseSource] = {}
         self._undated: list[_Item] | None = []  # None once it is known whether stamps are usable
@@ -184,22 +188,36 @@ class Translator:
             yield from self._sort(item)
 
     def _sort(self, item: _Item) -> Iterator[dict[str, Any]]:
+        if item.stamp_ns is None and not self._recorded:  # any other clock's time would be a leap
+            self.problems.append(FieldError(f"found no time in a message of the {item.role}, expected one"))
+            return
         stamp = None if self._recorded else item.stamp_ns
-        t_s = (item.log_ns if stamp is None else stamp) / 1e9
-        if item.role in (IMAGE, SCAN):
-            self._waiting.append((t_s, time.monotonic(), item.content))
-        else:
-            self._tracks[item.role].add(t_s, item.content)
-        yield from self._ready()
+        messages = self._clock.take(item.role, (item.log_ns if stamp is None else stamp) / 1e9, item.content)
+        if self._clock.was_set_back:
+            yield from self._begin_anew()
+        for role, t_s, content in messages:
+            if role in (IMAGE, SCAN):
+                self._waiting.append((t_s, time.monotonic(), content))
+            else:
+                self._tracks[role].add(t_s, content)
+            yield from self._ready()
 
-    def _ready(self) -> Iterator[dict[str, Any]]:
+    def _begin_anew(self) -> Iterator[dict[str, Any]]:
+        """Yield what waits, then a header: poses from before the clock was set back count no more."""
+        yield from self._ready(whatever=True)
+        self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
+        self._last_pose, self._last_s = None, float("-inf")
+        yield header_of(self._name)
+
+    def _ready(self, *, whatever: bool = False) -> Iterator[dict[str, Any]]:
+        """Yield the lines of what waits no longer; with `whatever`, of all that waits."""
         while self._waiting:
             t_s, since_s, seen = self._waiting[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
             known &= isinstance(seen, _Unencoded) or self._is_placed(seen)
             pictures = sum(isinstance(waiting[2], _Unencoded) for waiting in self._waiting)
             many = pictures > MOST_PICTURES or len(self._waiting) > MOST_SCANS
-            if not known and not many and time.monotonic() - since_s <= LONGEST_S:
+            if not (known or many or whatever) and time.monotonic() - since_s <= LONGEST_S:
                 return
             self._waiting.popleft()
             try:

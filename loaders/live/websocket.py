@@ -240,7 +240,7 @@ class WebsocketStream:
         self._name, self._connection, self._close, self._options = name, connection, close, options
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()
         self._topics: ChosenTopics | None = None
-        self._translator = Translator(options.max_dt_s)
+        self._translator = Translator(options.max_dt_s, name)
         self._edges: Edges = frozenset()
         self._known: tuple[tuple[Topic, ...], Edges] = ((), frozenset())  # when topics were chosen last
         self._begun_s = time.monotonic()

@@ -249,13 +249,16 @@ def joined(motions: list[F64], most: int | None) -> list[F64]:
 class Aligner:
     """Goes through records and gives the pictures and scans, each with the poses around it."""
 
-    def __init__(self, max_dt_s: float | None = None, most: int | None = None) -> None:
+    def __init__(
+        self, max_dt_s: float | None = None, most: int | None = None, *, prompt: bool = False
+    ) -> None:
         """Poses of the odometry are awaited for `max_dt_s`; None: there are none.
 
-        Between two observations only `most` events are kept, and twice as many motions; None: all.
+        Between two observations only `most` events are kept, and twice as many motions; None: all. With
+        `prompt` truth is awaited only where there was some right before.
         """
         self.first_odometry: F64 | None = None  # the first pose (3,) of the odometry, once it was seen
-        self._max_dt_s, self._most = max_dt_s, most
+        self._max_dt_s, self._most, self._prompt = max_dt_s, most, prompt
         self._waiting: deque[Aligned] = deque()
         self._odometry: OdometryPose | None = None
         self._truth: TruthPose | None = None
@@ -289,7 +292,8 @@ class Aligner:
         until_s = until_s if odometry is None else max(until_s, odometry.t_s + MAX_GAP_S + ROUNDING_S)
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
         known = aligned.odometry.settled or now_s > until_s
-        return known and (aligned.truth.settled or now_s > truth_until_s)
+        no_truth = self._prompt and truth_until_s == t_s
+        return known and (aligned.truth.settled or no_truth or now_s > truth_until_s)
 
     def _observe(self, record: Picture | Scan) -> Iterator[Aligned]:
         odometry, truth = _known(self._odometry, record.t_s), _known(self._truth, record.t_s)

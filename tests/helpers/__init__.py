@@ -6,6 +6,7 @@
 - `foxglove_bridge`: a script that serves a drive as a Foxglove bridge
 - `lost_runs`: updates of a run that is lost, for the rules of a diagnosis
 - `live_peers`: peers that send a live session what a test scripts
+- `rosbridge`: a robot behind rosbridge
 - `small_session`: a small session and survey on disk
 - `step_records`: step records of a few particles, made by hand
 """

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from helpers.rosbridge import compressed, odometry, rosbridge, stamped
 from maurice_loaders.bags.source import Message, decode_json
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.live import source as live_source_module
@@ -23,8 +24,6 @@ from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
 from maurice_loaders.reading.observations import Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.records import scan_from_json
-
-from .test_websocket import compressed, odometry, rosbridge, stamped
 
 pytest.importorskip("websockets")
 pytest.importorskip("rosbags")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import FieldError
-from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
+from maurice_loaders.live.clocks import APART_S, SET_BACK, LiveClock
 from maurice_loaders.live.session import MOST, Backlog
 from maurice_loaders.live.source import LineCutter
 from maurice_loaders.reading.recording import Motion, Note, Picture

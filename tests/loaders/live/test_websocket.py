@@ -6,8 +6,7 @@ import json
 import socket
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -19,6 +18,7 @@ import pytest
 
 from helpers import expect_facts
 from helpers.live_peers import PICTURE, peer
+from helpers.rosbridge import after_subscribing, compressed, odometry, rosbridge
 from maurice_loaders.bags.source import Message, decode_json
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
@@ -153,62 +153,15 @@ def test_old_and_new_bridges_are_spoken_to_in_foxglove_s_protocol(offered: str) 
     assert heard[:2] == [offered, [{"id": 7, "channelId": 7}]]
 
 
-@contextmanager
-def rosbridge(serve: Callable[[Any], None], offered: list[Any] | None = None) -> Iterator[str]:
-    from websockets.sync.server import serve as serve_websocket
-
-    with serve_websocket(serve, "127.0.0.1", 0, subprotocols=offered) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        try:
-            yield f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
-        finally:
-            server.shutdown()
-            thread.join(10)
-
-
-def stamped(t_s: float) -> dict[str, Any]:
-    return {"stamp": {"secs": int(t_s), "nsecs": round(t_s % 1 * 1e9)}, "frame_id": "odom"}
-
-
-def odometry(t_s: float, x_m: float) -> str:
-    pose = {"position": {"x": x_m, "y": 1, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
-    message = {"header": stamped(t_s), "child_frame_id": "base", "pose": {"pose": pose, "covariance": []}}
-    return json.dumps({"op": "publish", "topic": "/odom", "msg": message})
-
-
-def compressed(t_s: float) -> str:
-    message = {"header": stamped(t_s), "format": "jpeg", "data": PICTURE}
-    return json.dumps({"op": "publish", "topic": "/image/compressed", "msg": message})
-
-
 def test_a_rosbridge_of_ros_1_is_followed() -> None:
-    served = threading.Event()
-
-    def serve(connection: Any) -> None:
-        if served.is_set():
-            return
-        served.set()
-        wanted = set()
-        for text in connection:
-            found = json.loads(text)
-            if found["op"] == "call_service":
-                values = {
-                    "topics": ["/rosout", "/odom", "/image/compressed"],
-                    "types": ["rosgraph_msgs/Log", "nav_msgs/Odometry", "sensor_msgs/CompressedImage"],
-                }
-                connection.send(json.dumps({"op": "service_response", "id": found["id"], "values": values}))
-            else:
-                wanted.add(found["topic"])
-            if wanted == {"/odom", "/image/compressed"}:
-                break
+    def send(connection: Any) -> None:
         for number in range(6):  # a picture's time lies between two of odometry, and comes after both
             connection.send(odometry(100 + number, number))
             connection.send(odometry(100.5 + number, number + 0.5))
             connection.send(compressed(100.25 + number))
         connection.send("nonsense")
 
-    with rosbridge(serve) as address:
+    with rosbridge(after_subscribing(send)) as address:
         source = live_source(address, ReadingOptions(max_dt_s=0.3))
         with LiveSession(source, ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(session.moments())
