@@ -23,7 +23,17 @@ from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.sensor.map_places import map_library, reference_of
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values import F64, INCH_M, Arena, Library, Moment, OccupancyMap, Session, SessionInfo
+from maurice_mcl.values import (
+    F64,
+    INCH_M,
+    Arena,
+    Camera,
+    Library,
+    Moment,
+    OccupancyMap,
+    Session,
+    SessionInfo,
+)
 
 from ..sessions import simulated_session, simulation_plan
 from ..simulation import SimulationPlan
@@ -46,12 +56,14 @@ class Bench:
     nearest: NearestReference
     _localizers: dict[str, Localizer] = field(default_factory=dict)
     _sensors: dict[str, Localizer] = field(default_factory=dict)
+    camera: Camera | None = None  # of the drive, where the library does not know it
     _libraries: dict[str, Library] = field(default_factory=dict)  # the same with landmarks
 
     @classmethod
-    def of(cls, library: Library) -> Bench:
-        """Make one for a library."""
-        return cls(library, reference_of(library))
+    def of(cls, library: Library, info: SessionInfo | None = None) -> Bench:
+        """Make one for a library, and for drives with the first camera of a session's header."""
+        cameras = () if info is None else info.cameras
+        return cls(library, reference_of(library), camera=cameras[0] if cameras else None)
 
     def localizer(self, settings: Settings) -> Localizer:
         """Return the filter that `make_localizer` would make, without a seed. InputError for what none is."""
@@ -82,7 +94,9 @@ class Bench:
         if "landmarks" not in self._libraries:
             from maurice_loaders.libraries.landmarks import with_landmarks
 
-            self._libraries["landmarks"] = with_landmarks(self.library)
+            self._libraries["landmarks"] = with_landmarks(
+                self.library, camera=self.library.camera or self.camera
+            )
         return self._libraries["landmarks"]
 
 
@@ -124,7 +138,8 @@ def open_drive(spec: SessionSpec, seed: int) -> Drive:
 def _recorded(spec: SessionSpec) -> Drive:
     session = open_session(spec.path, ReadingOptions(odometry_from_truth=spec.odometry_from_truth))
     start = None if spec.start else session.info.start
-    return Drive(session, start, Bench.of(open_library(_library_of(session, spec.path, spec.library))), None)
+    library = open_library(_library_of(session, spec.path, spec.library))
+    return Drive(session, start, Bench.of(library, session.info), None)
 
 
 def _library_of(session: Session, path: str, library: str) -> str | Path:
@@ -153,7 +168,7 @@ def _cut(path: str, library: str, mapped: str, made: bool) -> tuple[SessionInfo,
         until_s = moments[half].frame.time_s if half else np.inf
         bench = Bench.of(map_library(_map_of(path, until_s), session.info.name))
     else:
-        bench = Bench.of(open_library(_library_of(session, path, library)))
+        bench = Bench.of(open_library(_library_of(session, path, library)), session.info)
     return session.info, bench, Stretches.of(moments[half:], bench.library.occupancy)
 
 
@@ -255,7 +270,7 @@ def shuffled(bench: Bench, seed: int) -> Bench:
     """Return a library whose pictures belong to other poses: nothing but chance can localize with it."""
     library = bench.library
     order = np.random.default_rng(seed).permutation(library.size)
-    return Bench.of(replace(library, poses=library.poses[order]))
+    return replace(Bench.of(replace(library, poses=library.poses[order])), camera=bench.camera)
 
 
 def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:

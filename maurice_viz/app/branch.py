@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.config.build import adapted, available, build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.parameters import PRESETS, Configuration, FilterParameters, Layer, configure
 from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.values import Belief, FilterState, Library, Moment, Past, StepRecord
+from maurice_mcl.sensor.map_places import reference_of
+from maurice_mcl.sensor.references import NearestReference
+from maurice_mcl.values import F64, Belief, FilterState, Library, Moment, Past, StepRecord
 
 from ..errors import SILENT, Listener, OptionError
+from ..running.drive_check import drive_pictures
+from ..running.open import fitted, landmarked
 from ..running.run_spec import check_name, combined
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
@@ -86,9 +92,9 @@ class BranchChange:
     def configuration(self, saved: Configuration, fitted: Sequence[str] = ()) -> Configuration:
         """Return the settings from the branch on. OptionError for what is not known or out of range.
 
-        A preset is a whole filter: of the run's settings only motion, particles and sensors of other packages
-        stay. Keys that the library `fitted` to the run's own channels are left out where the branch has
-        another sensor.
+        A preset is a whole filter: of the run's settings only motion, unless a preset set it, particles and
+        sensors of other packages stay. Keys that the library `fitted` to the run's own channels are left out
+        where the branch has another sensor.
         """
         check_name(self.preset, PRESETS, "preset")
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
@@ -97,7 +103,9 @@ class BranchChange:
             raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
         kept = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
-            other = {key: value for key, value in kept.items() if key in OF_THE_ROBOT}
+            other = {key: kept[key] for key in OF_THE_ROBOT if key in kept}
+            if other.get("motion") in OF_PRESETS:
+                del other["motion"]
             kept = dict(PRESETS[self.preset]) | other
         if self.has_other_sensor:
             kept = {key: value for key, value in kept.items() if key not in fitted}
@@ -109,6 +117,7 @@ class BranchChange:
 
 
 OF_THE_ROBOT = ("motion", "particles", "sensor.outside")  # keys that a preset leaves as they are
+OF_PRESETS = [values["motion"] for values in PRESETS.values() if "motion" in values]  # not of the robot
 
 
 def _short(value: Any) -> Any:
@@ -123,6 +132,8 @@ class BranchPoint:
     session: RecordedSession
     library: Library
     localizer: Localizer  # the run's own
+    reference: NearestReference  # of the library's own map
+    pictures: Callable[[], list[list[DrivePicture]]]  # some of the drive whose true poses are known
 
     @property
     def restored(self) -> Restored:
@@ -155,8 +166,8 @@ class BranchPoint:
             raise OptionError(f"--from: found {from_step}, expected a step from 0{last}")
         return from_step
 
-    def localizer_with(self, change: BranchChange) -> Localizer:
-        """Return the filter from the branch on; the sensor model is the run's where nothing changes it.
+    def localizer_with(self, change: BranchChange, listener: Listener = SILENT) -> Localizer:
+        """Return the filter from the branch on: with the run's sensors, or those of a replay with the change.
 
         InputError where the library lacks a channel, OptionError for settings.
         """
@@ -164,41 +175,54 @@ class BranchPoint:
         seed = own.seed if change.seed is None else change.seed
         if not replace(change, seed=None, anywhere=False).words:
             return replace(own, seed=seed)
-        configuration = change.configuration(
-            self.run.configuration, self._fitted() if change.has_other_sensor else ()
-        )
+        keys = self._fitted() if change.has_other_sensor else ()
+        configuration = change.configuration(self.run.configuration, keys)
+        same = _seen_by(configuration.parameters) == _seen_by(before)
         try:
-            configuration = available(configuration, self.library)[0]
-        except InputError as problem:
-            raise InputError(self.run.folder, problem.message) from None
-        if (configuration.parameters.sensor, configuration.parameters.references) != (
-            before.sensor,
-            before.references,
-        ):
-            configuration = adapted(configuration, self.library, own.reference)[0]
-        after = configuration.parameters
-        same = (after.sensor, after.references, after.map) == (before.sensor, before.references, before.map)
-        try:
+            if not same:
+                start = None if change.anywhere else self.restored.start
+                configuration, localizer = self._fit(configuration, start, listener, seed=seed)
+                is_own = _seen_by(configuration.parameters) == _seen_by(before)
+                return replace(localizer, sensor=own.sensor) if is_own else localizer
             return build_localizer(
-                self.library,
+                own.library,
                 self.session,
-                after,
-                reference=own.reference if own.arena is self.library.arena else None,
+                configuration.parameters,
+                reference=self.reference,
                 seed=seed,
                 radii=self.run.manifest.radii,
-                sensor=own.sensor if same else None,
+                sensor=own.sensor,
             )
+        except InputError as problem:
+            raise InputError(self.run.folder, problem.message) from None
         except ValueError as problem:  # motion parameters
             raise OptionError(str(problem)) from None
 
+    def _fit(
+        self, configuration: Configuration, start: F64 | None, listener: Listener = SILENT, *, seed: int = 0
+    ) -> tuple[Configuration, Localizer]:
+        """Fit a configuration to the run's library and drive, as a replay does."""
+        (library,) = landmarked([configuration], self.session.info, self.localizer.library, listener)
+        return fitted(
+            configuration,
+            library,
+            self.session,
+            self.reference,
+            start,
+            self.pictures,
+            listener.warning,
+            seed=seed,
+            radii=self.run.manifest.radii,
+        )
+
     def _fitted(self) -> tuple[str, ...]:
-        """Return the keys that the library set in the run, and nobody else: it sets them again."""
+        """Return the keys that library and drive set in the run, and nobody else: they set them again."""
         saved = self.run.configuration
         given = {key: value for key, value in saved.values().items() if value is not None}
         for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
             without = Layer("run", {key: given[key] for key in given if key not in keys})
             asked = configure([without], saved.parameters.sensor.weights)
-            if adapted(asked, self.library, self.localizer.reference)[0].parameters == saved.parameters:
+            if self._fit(asked, self.restored.start)[0].parameters == saved.parameters:
                 return keys
         return ()
 
@@ -226,13 +250,20 @@ class BranchPoint:
         return branched(localizer, step, belief, evidences, localizer.particles if resized else None, past)
 
 
+def _seen_by(parameters: FilterParameters) -> tuple[object, ...]:
+    """Return what a sensor model is made from, besides the library."""
+    return parameters.sensor, parameters.references, parameters.map
+
+
 def open_branch(run: str | Path, listener: Listener = SILENT) -> BranchPoint:
     """Open a saved run and what it was made from. InputError if anything is gone or was changed."""
     saved = only_run(Path(run))
     session, library = session_of(saved), library_of(saved, listener)
     for text in changed_versions(saved):
         listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")
-    return BranchPoint(saved, session, library, localizer_of(saved, session, library))
+    localizer = localizer_of(saved, session, library)
+    reference = reference_of(library)
+    return BranchPoint(saved, session, library, localizer, reference, cache(partial(drive_pictures, session)))
 
 
 def step_before_loss(verdict: RunVerdict) -> int | None:

@@ -310,7 +310,8 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
         sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
     more = BranchChange(preset=ROBUST, particles=TIMES_PARTICLES * own.particles)
     sensors[f"preset {ROBUST}, particles x{TIMES_PARTICLES}"] = more, PRESETS[ROBUST]["sensor.weights"]
-    left_out, holds = [], {*point.library.index, *equipped(point.library, own.sensor).sensors}
+    library = point.localizer.library
+    left_out, holds = [], {*library.index, *equipped(library, own.sensor).sensors}
     for name, (change, weights) in sensors.items():
         missing = [channel for channel in weights if channel not in holds]
         if missing:

@@ -128,7 +128,7 @@ def _branched(
 ) -> WhatIf:
     point = open_branch(run, listener)
     from_step = point.step_or_default(from_step)
-    pair = _Pair(point, from_step, change, point.localizer_with(change))
+    pair = _Pair(point, from_step, change, point.localizer_with(change, listener))
     resized = pair.localizer.particles != point.localizer.particles
     if resized and from_step and not change.anywhere:
         listener.remark(

@@ -16,15 +16,17 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading.observations import SCAN_GATE, Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
+from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values import F64, Library, Session, SessionInfo
+from maurice_mcl.values import F64, Library, Radii, Session, SessionInfo
 
 from ..entities import RESERVED
 from ..errors import SILENT, Listener, OptionError, progress_of
@@ -83,19 +85,25 @@ def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Li
     """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
 
     All runs of one session share its moments: the first file of AMCL's decides. Remarks what means nothing
-    here. InputError.
+    here, and which runs use other scans than they would alone. InputError.
     """
     remark = once(listener.remark)
-    for spec in specs:
-        amcl = spec.amcl
-        if amcl is None:
-            continue
-        for text in amcl.remarks:
+    files = [spec.amcl for spec in specs]
+    for spec, amcl in zip(specs, files, strict=True):
+        for text in () if amcl is None else amcl.remarks:
             remark(f"{spec.config}: {text}")
-        if reading.min_distance_m is None and reading.min_angle_rad is None:
-            way_m, turn_rad = amcl.min_distance_m, amcl.min_angle_rad
-            reading = replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad)
-    return reading
+    first = next((amcl for amcl in files if amcl is not None), None)
+    if first is None or (reading.min_distance_m, reading.min_angle_rad) != (None, None):
+        return reading
+    gates = [SCAN_GATE if amcl is None else Gate(amcl.min_distance_m, amcl.min_angle_rad) for amcl in files]
+    way_m, turn_rad = first.min_distance_m, first.min_angle_rad
+    others = [spec.label for spec, gate in zip(specs, gates, strict=True) if gate != Gate(way_m, turn_rad)]
+    if others:
+        shared = (
+            f"all runs use a scan after {way_m:g} m or {turn_rad:g} rad, as the first file of AMCL's says"
+        )
+        remark(f"{shared}; alone {' and '.join(others)} would use other scans")
+    return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad)
 
 
 MAP_PICTURES = (".pgm", ".png")
@@ -194,33 +202,42 @@ def remark_open(library: Library, listener: Listener) -> None:
 def make_runs(
     session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
 ) -> list[FilterRun]:
-    """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
+    """Build a filter for each spec, all for the same session and library; remark what presets use.
+
+    Each is what it would be alone: it gets no sensor that another one asked for. InputError, OptionError.
+    """
     if library.is_map:
         specs = [spec if spec.preset or spec.config else replace(spec, preset="laser") for spec in specs]
-    configurations = [spec.configuration() for spec in specs]
-    library = landmarked(configurations, session.info, library, listener)
+    asked = [spec.configuration() for spec in specs]
+    libraries = landmarked(asked, session.info, library, listener)
     reference = reference_of(library)
     if not reference.grid.free.any():
         full = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
         raise InputError(session.path, f"{full}; fix the map in the survey's header")
     warn, pictures = once(listener.warning), cache(partial(_pictures_of, session))
-    configurations = [_fitted(given, session, library, reference, warn) for given in configurations]
-    starts = [_start(spec, session, library, reference, warn) for spec in specs]
-    labels = unique_labels([_label(*pair, library) for pair in zip(specs, configurations, strict=True)])
-    runs = []
-    for spec, configuration, start, label in zip(specs, configurations, starts, labels, strict=True):
+    filters = []
+    for spec, configuration, own in zip(specs, asked, libraries, strict=True):
+        start = _start(spec, session, library, reference, warn)
         try:
-            localizer = build_localizer(
-                library, session, configuration.parameters, reference=reference, seed=spec.seed
-            )
+            pair = fitted(configuration, own, session, reference, start, pictures, warn, seed=spec.seed)
+        except InputError as problem:
+            raise InputError(session.path, problem.message) from None
         except ValueError as problem:  # bad motion parameters, in the configuration or in the header
             file = motion_file(spec.settings)
             raise InputError(file or session.path, str(problem), None if file else 1) from None
-        groups = pictures() if localizer.sensor.weights else []
-        configuration, localizer, texts = suited(configuration, localizer, start, groups)
-        for text in texts:
-            warn(text)
-        runs.append(FilterRun(label, localizer, start, to_toml(configuration)))
+        filters.append((*pair, start))
+    labels = unique_labels([_label(*pair, library) for pair in zip(specs, asked, strict=True)])
+    runs = [
+        FilterRun(label, localizer, start, to_toml(configuration))
+        for label, (configuration, localizer, start) in zip(labels, filters, strict=True)
+    ]
+    uses = [
+        f"{run.label} uses {', '.join(run.localizer.sensor.names)}"
+        for run, spec in zip(runs, specs, strict=True)
+        if spec.preset or spec.config  # a feature says it by its name
+    ]
+    if uses:
+        listener.remark("; ".join(uses))
     return runs
 
 
@@ -236,24 +253,38 @@ def once(tell: Callable[[str], None]) -> Callable[[str], None]:
     return tell_once
 
 
-def _fitted(
+def fitted(
     configuration: Configuration,
-    session: SourcedSession,
     library: Library,
+    session: SourcedSession,
     reference: NearestReference,
+    start: F64 | None,
+    pictures: Callable[[], Sequence[Sequence[DrivePicture]]],
     warn: Callable[[str], None],
-) -> Configuration:
-    """Fit a configuration to a library: the pose sensors that it holds, and scales after its places."""
-    try:
-        usable, missing = available(configuration, library)
-    except InputError as problem:
-        raise InputError(session.path, problem.message) from None
+    *,
+    seed: int,
+    radii: Radii | None = None,
+) -> tuple[Configuration, Localizer]:
+    """Return a filter, and its configuration fitted to a library and to pictures of a drive.
+
+    It has the pose sensors that the library holds, and scales after the library's places and the drive's
+    `pictures` whose true poses are known. InputError, without a path, for a library that lacks what is asked
+    for; ValueError for bad motion parameters.
+    """
+    usable, missing = available(configuration, library)
     for name in missing:
         warn(f"the library {library.name!r} holds no {name}: the other channels are used alone")
-    fitted, places = adapted(usable, library, reference)
+    scaled, places = adapted(usable, library, reference)
     for text in say_places(library.name, usable.parameters.sensor.weights, places):
         warn(text)
-    return fitted
+    localizer = build_localizer(
+        library, session, scaled.parameters, reference=reference, seed=seed, radii=radii
+    )
+    groups = pictures() if localizer.sensor.weights else []
+    suiting, localizer, texts = suited(scaled, localizer, start, groups)
+    for text in texts:
+        warn(text)
+    return suiting, localizer
 
 
 def _pictures_of(session: SourcedSession) -> list[list[DrivePicture]]:
@@ -279,14 +310,16 @@ def _start(
 
 def landmarked(
     configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
-) -> Library:
-    """Return the library with landmarks where a run weighs particles by them."""
-    if all(LANDMARKS not in configuration.parameters.sensor.weights for configuration in configurations):
-        return library
+) -> list[Library]:
+    """Return the library of each run: with landmarks where it weighs particles by them."""
+    asks = [LANDMARKS in configuration.parameters.sensor.weights for configuration in configurations]
+    if not any(asks):
+        return [library] * len(asks)
     from maurice_loaders.libraries.landmarks import with_landmarks
 
     camera = library.camera or (info.cameras[0] if info.cameras else None)
-    return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
+    marked = with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
+    return [marked if asked else library for asked in asks]
 
 
 def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str:

@@ -94,7 +94,7 @@ def localizer_of(run: SavedRun, session: RecordedSession, library: Library) -> L
     parameters = run.configuration.parameters
     for spelled, package in run.manifest.sensors.items():
         _check_sensor(run, spelled, package)
-    library = landmarked([run.configuration], session.info, library)
+    (library,) = landmarked([run.configuration], session.info, library)
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:

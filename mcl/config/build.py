@@ -106,9 +106,9 @@ def _without(library: Library, missing: Sequence[str]) -> str:
 def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:
     """Leave out pose sensors that a library does not hold; return the names of those, too.
 
-    Where nobody chose a feature, and the library has no channels, its pose sensors are used. The preset
-    `robust` uses landmarks where the library holds them. InputError when the library lacks a channel that is
-    asked for, or nothing of what is asked for is there.
+    What a preset or a feature names is used, and nothing else that the library holds. Where nobody chose
+    either, a laser is used beside the channels, and the pose sensors of a library without channels.
+    InputError when the library lacks a channel that is asked for, or nothing of what is asked for is there.
     """
     weights = configuration.parameters.sensor.weights
     library = equipped(library, configuration.parameters.sensor)
@@ -117,8 +117,6 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         return _with_weights(configuration, {**weights, LASER: 1.0}, library), ()
     if not library.index and library.sensors and origins["sensor.weights"] == "default":
         return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
-    if origins["sensor.weights"] == "preset robust" and "landmarks" in library.sensors:
-        return _with_weights(configuration, {**weights, "landmarks": 1.0}, library), ()
     holds = {**library.index, **library.sensors}
     missing = tuple(name for name in weights if name not in holds)
     kept = {name: weight for name, weight in weights.items() if name in holds}

@@ -154,6 +154,11 @@ class SensorModel:
         """Return the name of the distance of each channel in use, in order."""
         return {name: self.parameters.distance_of(name) for name in self.weights}
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all that it uses: channels, then pose sensors."""
+        return (*self.weights, *self.sensors)
+
     def measure(self, image: U8) -> dict[str, F32]:
         """Return what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
         small = reduced(image)

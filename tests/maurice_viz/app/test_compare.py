@@ -76,6 +76,17 @@ def test_amcls_parameters_are_compared_with_a_preset(tmp_path, monkeypatch, more
     assert labels_of(out) == [*labels, "laser"]
 
 
+def test_which_run_uses_other_scans_than_alone_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    maurice("simulate", "tracking", "--laser", "--world", "office", "--updates", "6", "-o", "office")
+    values = {"max_beams": 30, "alpha1": 0.1, "z_hit": 0.5, "update_min_d": 0.6, "update_min_a": 0.5}
+    Path("mine.yaml").write_text(json.dumps({"amcl": {"ros__parameters": values}}))
+    _, err = maurice("compare", "office", "--amcl", "mine.yaml", "--preset", "laser", *FEW)
+    expect_facts(" ".join(err.split()), "all runs use a scan after 0.6 m or 0.5 rad", "alone laser would")
+    _, err = maurice("office", "--amcl", "mine.yaml", *FEW)
+    assert "all runs" not in err
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
