@@ -19,12 +19,13 @@ from maurice_mcl.values import Frame, Moment, SessionInfo, compose_motions
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
 from ..files.writing import expect_absent
-from ..reading.observations import SCAN_GATE, Gate, Observations
+from ..reading.observations import SCAN_GATE, SCANS, Gate, Observations, skipped_at, with_skipped
 from ..reading.options import MAX_DT_S
-from ..reading.recording import Picture, Record
+from ..reading.recording import PLACEHOLDER, Picture, Record
 from ..reading.time_alignment import Aligned, Aligner, as_rows
 from ..session_log.header import FORMAT, SESSION_LOG, header_to_json
 from ..session_log.reader import CameraChoice
+from ..session_log.records import ascii_line
 from .intake import Counts, Intake
 from .source import Listening, LiveSource, Patience
 
@@ -44,17 +45,20 @@ class Backlog:
         self._changed = Condition()
         self._over = False
 
-    def put(self, aligned: Aligned, stop: Event) -> None:
-        """Add a picture; without `keep_up` wait for room or for `stop`."""
+    def put(self, aligned: Aligned, stop: Event) -> Aligned | None:
+        """Add a picture; without `keep_up` wait for room or for `stop`. Return the one left out, if any."""
+        left_out = None
         with self._changed:
             while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():
                 self._changed.wait(LOOK_S)
             self._waiting.append(aligned)
             if len(self._waiting) > self._room:
                 left_out = self._waiting.popleft()
+                left_out.skipped += 1
                 self._waiting[0].follow(left_out, MOST)
                 self.skipped += 1
             self._changed.notify_all()
+        return left_out
 
     def close(self) -> None:
         """Note that no more will come; what waits is still delivered."""
@@ -83,6 +87,7 @@ class LiveRecorder:
     def __init__(self, folder: Path, *, force: bool = False) -> None:
         """Claim the folder. InputError if it holds a session already, or cannot be written to."""
         self.path = folder / SESSION_LOG
+        self.is_begun = False
         self._file: BinaryIO | None = None
         self._is_new = not folder.exists()
         if folder.exists() and not folder.is_dir():
@@ -93,6 +98,7 @@ class LiveRecorder:
 
     def begin(self, info: SessionInfo) -> None:
         """Write the header. InputError if that fails."""
+        self.is_begun = True
         header = json.dumps(header_to_json(info, "session", self.path.parent), ensure_ascii=False)
         with self._recording():
             self._file = self.path.open("wb", buffering=0)
@@ -121,6 +127,8 @@ class LiveRecorder:
             raise InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}") from None
 
 
+LATE_S = 10.0  # of session time: by then a robot may have moved from its header's start pose
+CALENDAR_S = 1e8  # times from here on count from 1970, and do not show when the drive began
 QUIET = 4  # polls without a line (a second) after which truth is not awaited
 LOOK_S = 0.2
 CLOSE_S = 5.0
@@ -136,6 +144,7 @@ class ListenOptions:
     gate: Gate | None = None  # decides what makes an update; None: every picture, and scans as AMCL's
     only_record: bool = False  # no moments are taken
     library: Path | None = None  # named in the recorded header instead of the source's own survey
+    start_holds: bool = False  # the header's start pose is meant, however late the source was joined
 
 
 class LiveSession(HasReadingNotes):
@@ -162,6 +171,7 @@ class LiveSession(HasReadingNotes):
         self._recorder = recorder
         self._info: SessionInfo | None = None
         self._begin_s: float | None = None
+        self._recorded_s = 0.0  # time of the last line of the recording
         self._first = True  # the first picture always makes an update
         self._error: Exception | None = None
         self._thread = Thread(target=self._run, name="listening", daemon=True)
@@ -208,6 +218,12 @@ class LiveSession(HasReadingNotes):
         return self._begin_s or 0.0
 
     @property
+    def joined_late(self) -> bool:
+        """Whether the robot may have left its header's start pose; known once its first record came."""
+        is_told = self.source.peer and self._info is not None and self._info.start is not None
+        return is_told and not self._listen.start_holds and LATE_S < self.begun_s < CALENDAR_S
+
+    @property
     def counts(self) -> Counts:
         """Counts of what came so far."""
         return self._intake.counts
@@ -239,7 +255,8 @@ class LiveSession(HasReadingNotes):
             time_s = picture.t_s - (self._begin_s or 0.0)
             motions, readings = as_rows(aligned.motions), aligned.readings
             frame = Frame(step, time_s, motions, image, picture.name, readings, aligned.scan)
-            yield Moment(frame, aligned.truth_at(), tuple(aligned.events))
+            name = SCANS if aligned.scan is not None and picture.name == PLACEHOLDER else "pictures"
+            yield Moment(frame, aligned.truth_at(), with_skipped(aligned.events, aligned.skipped, name))
         if self._error is not None:
             raise self._error
 
@@ -258,10 +275,19 @@ class LiveSession(HasReadingNotes):
         except Exception as problem:  # of a thread: raised again by the one that reads
             self._error = problem
         finally:
-            if self._recorder is not None:
-                self._recorder.close()
+            self._end_recording()
             self._greeted.set()
             self._backlog.close()
+
+    def _end_recording(self) -> None:
+        """Close the recording, which has a header also where no record came."""
+        if self._recorder is None:
+            return
+        try:
+            self._begin_recording()
+        except InputError as problem:
+            self._error = self._error or problem
+        self._recorder.close()
 
     def _take_in(self) -> None:
         passed: Aligned | None = None  # the last picture that makes no update, with all before it
@@ -270,7 +296,10 @@ class LiveSession(HasReadingNotes):
                 aligned.follow(passed, MOST)
             passed = aligned
             if self._makes_an_update(aligned):
-                self._backlog.put(aligned, self._stop)
+                left_out = self._backlog.put(aligned, self._stop)
+                if left_out is not None and self._recorder is not None:
+                    event = skipped_at(left_out.picture.t_s)
+                    self._recorder.add(ascii_line({"t": self._recorded_s, "event": event}))
                 passed = None
 
     def _makes_an_update(self, aligned: Aligned) -> bool:
@@ -296,9 +325,11 @@ class LiveSession(HasReadingNotes):
                     yield None
                 continue
             record = received.record
-            if self._recorder is not None:
-                self._recorder.add(received.line)
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            if self._recorder is not None:
+                self._begin_recording()
+                self._recorder.add(received.line)
+                self._recorded_s = record.t_s
             if not isinstance(record, Picture):
                 yield record
             elif not record.covered:
@@ -309,11 +340,19 @@ class LiveSession(HasReadingNotes):
     def _greet(self, info: SessionInfo) -> None:
         if self._listen.library is not None:
             info = replace(info, survey=self._listen.library.resolve())
-        if self._recorder is not None:
-            self._recorder.begin(info)
         self._info = info
         self._observations.pictures = bool(info.cameras)  # else scans make the moments until a picture comes
         self._greeted.set()
+
+    def _begin_recording(self) -> None:
+        """Write the header, once it is known whether the start pose in it holds."""
+        if self._recorder is None or self._info is None or self._recorder.is_begun:
+            return
+        info = replace(self._info, captured=True)
+        if self.joined_late:
+            note = f"captured from {self.begun_s:.0f} s into the drive on: where it began is not told"
+            info = replace(info, start=None, notes=(*info.notes, note))
+        self._recorder.begin(info)
 
     def _name(self, picture: Picture) -> str:
         return picture.path or f"line {picture.line} of {self.source.name}"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -41,6 +42,21 @@ def gate_of(options: ReadingOptions, *, scans: bool) -> Gate:
     if asked == (None, None):
         return SCAN_GATE if scans else Gate()
     return Gate(asked[0] or 0.0, asked[1] or 0.0)
+
+
+SKIPPED = "skipped"  # first word of the events that tell of it
+SKIPPED_AT = re.compile(rf"{SKIPPED}: what came at (\S+) s")
+
+
+def skipped_at(t_s: float) -> str:
+    """Return the event by which a capture tells that the live run left out what came at a time."""
+    return f"{SKIPPED}: what came at {t_s!r} s"
+
+
+def with_skipped(events: Sequence[str], count: int, name: str) -> tuple[str, ...]:
+    """Return the events of a moment with that of the observations left out right before it, if any."""
+    some = name if count > 1 else name.removesuffix("s")
+    return (*events, *([f"{SKIPPED}: {count} {some}: the filter was too slow"] if count else []))
 
 
 SCANS = "scans"

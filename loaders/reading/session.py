@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.session import NO_PICTURE, Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from .observations import SCANS, Gate, Observations, Observed, gate_of, observed_in
+from .observations import SCANS, SKIPPED_AT, Gate, Observations, Observed, gate_of, observed_in, with_skipped
 from .options import ReadingOptions
 from .recording import (
     PLACEHOLDER,
@@ -148,6 +149,15 @@ class RecordedSession(HasReadingNotes):
         """What makes the moments: pictures, or scans where there are none; stops as soon as that is clear."""
         return observed_in(self.recording)
 
+    @cached_property
+    def skipped(self) -> tuple[float, ...]:
+        """The times of what a live run left out, in order, as its capture tells."""
+        if not self.info.captured:
+            return ()
+        records = checked(self.recording, ReadingNotes(keep_going=True))
+        told = (SKIPPED_AT.fullmatch(record.text) for record in records if isinstance(record, Note))
+        return tuple(float(match[1]) for match in told if match)
+
     @property
     def gate(self) -> Gate:
         """How far the robot goes before a picture or scan is used."""
@@ -203,6 +213,8 @@ class _Updates:
         self._begin_s: float | None = None
         self._observed, self._odometry = TimeSpan(), TimeSpan()
         self._used = False
+        self._live = session.info.captured  # cut into moments as they came
+        self._to_skip, self._skipped, self._skipped_motions = deque(session.skipped), 0, list[F64]()
         self._unpaired = 0
         self._what = session.observed.name  # or moments of a recording without any
 
@@ -210,8 +222,10 @@ class _Updates:
         in_poses = self._session.odometry is OdometryPose
         aligner = Aligner(self._session.options.max_dt_s if in_poses else None)
         seen = self._session.observed
+        pictures = bool(self._session.info.cameras) if self._live else seen.pictures
+        wait = seen.scans and not self._live
         observations = Observations(
-            self._session.options.max_dt_s, pictures=seen.pictures, wait=seen.scans, poses=in_poses
+            self._session.options.max_dt_s, pictures=pictures, wait=wait, poses=in_poses
         )
         for aligned in observations(aligner(self._seen())):
             self._events += aligned.events
@@ -221,19 +235,32 @@ class _Updates:
             if pose is None and in_poses:
                 self._unpaired += 1
                 continue
-            if not self._used or self._gate.open_after(self._steps.way):
+            gate = gate_of(self._session.options, scans=not observations.pictures)
+            gate = gate if self._live else self._gate
+            if not self._used or gate.open_after(self._steps.way):
+                motions = [*self._skipped_motions, *motions]
+                if self._to_skip and aligned.picture.t_s == self._to_skip[0]:
+                    self._skip(motions, pose)
+                    continue
                 begin_s = aligned.picture.t_s if self._begin_s is None else self._begin_s
                 time_s = aligned.picture.t_s - begin_s
                 yield _Update(aligned, time_s, motions, aligned.truth_at(), pose)
         self._tell()
 
+    def _skip(self, motions: list[F64], pose: F64 | None) -> None:
+        """Leave out what the live run left out; its motions go to the next."""
+        self._to_skip.popleft()
+        self._steps.used(pose)
+        self._used, self._skipped, self._skipped_motions = True, self._skipped + 1, motions
+
     def used(self, update: _Update) -> None:
         self._steps.used(update.odometry)
-        self._used = True
+        self._used, self._skipped_motions = True, []
 
     def moment(self, update: _Update, step: int, image: U8) -> Moment:
-        events, readings, aligned = tuple(self._events), self._readings, update.aligned
-        self._events, self._readings = [], {}
+        events = with_skipped(self._events, self._skipped, self._what)
+        readings, aligned = self._readings, update.aligned
+        self._events, self._readings, self._skipped = [], {}, 0
         motions, name = as_rows(update.motions), aligned.picture.name
         frame = Frame(step, update.time_s, motions, image, name, readings, aligned.scan)
         return Moment(frame, update.truth, events)
@@ -241,6 +268,8 @@ class _Updates:
     def _seen(self) -> Iterator[Record]:
         for record in checked(self._session.recording, self._notes):
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            if self._live and isinstance(record, Note) and SKIPPED_AT.fullmatch(record.text):
+                continue
             self.truths += isinstance(record, TruthPose)
             if isinstance(record, Picture):
                 self._what = "moments" if record.name == PLACEHOLDER else "pictures"

@@ -185,6 +185,7 @@ def _correlations(ours: F64, theirs: F64) -> F64:
 
 MAX_GAP_S = 1.0  # poses further apart say nothing about the time between them
 MOST_WAITING = 64  # observations held back while poses after them are awaited; a second of a fast camera
+TRUTH_AGAIN_S = 10.0  # after the last true pose, in which another one is awaited
 ROUNDING_S = 1e-6  # decimal seconds are not exact, and Unix time has a quarter of a microsecond
 
 
@@ -208,12 +209,14 @@ class Aligned:
     odometry: Neighbors
     truth: Neighbors
     scan: LaserScan | None = None
+    skipped: int = 0  # observations right before, which a live run left out
 
     def follow(self, earlier: Aligned, most: int | None) -> None:
         """Take over what came before an earlier one that is not used; of too much as the aligner does."""
         self.motions = joined([*earlier.motions, *self.motions], most)
         self.events = [*earlier.events, *self.events][:most]
         self.readings = earlier.readings | self.readings
+        self.skipped += earlier.skipped
 
     def odometry_at(self, max_dt_s: float) -> F64 | None:
         """Return the odometry's pose (3,): between two at most a second apart, or one within `max_dt_s`."""
@@ -255,13 +258,15 @@ class Aligner:
         """Poses of the odometry are awaited for `max_dt_s`; None: there are none.
 
         Between two observations only `most` events are kept, and twice as many motions; None: all. With
-        `prompt` truth is awaited only where there was some right before.
+        `prompt` truth is awaited only by the first observation, and where some came in the last 10 s.
         """
         self.first_odometry: F64 | None = None  # the first pose (3,) of the odometry, once it was seen
         self._max_dt_s, self._most, self._prompt = max_dt_s, most, prompt
         self._waiting: deque[Aligned] = deque()
         self._odometry: OdometryPose | None = None
         self._truth: TruthPose | None = None
+        self._truth_s = -np.inf  # time of the last one
+        self._ever = False  # whether an observation is known whole
         self._motions: list[F64] = []
         self._events: list[str] = []
         self._readings: dict[str, float] = {}
@@ -283,6 +288,7 @@ class Aligner:
 
     def _outdated(self, now_s: float) -> Iterator[Aligned]:
         while self._waiting and self._ready(self._waiting[0], now_s):
+            self._ever = True
             yield self._waiting.popleft()
 
     def _ready(self, aligned: Aligned, now_s: float) -> bool:
@@ -292,7 +298,7 @@ class Aligner:
         until_s = until_s if odometry is None else max(until_s, odometry.t_s + MAX_GAP_S + ROUNDING_S)
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
         known = aligned.odometry.settled or now_s > until_s
-        no_truth = self._prompt and truth_until_s == t_s
+        no_truth = self._prompt and self._ever and t_s - self._truth_s > TRUTH_AGAIN_S
         return known and (aligned.truth.settled or no_truth or now_s > truth_until_s)
 
     def _observe(self, record: Picture | Scan) -> Iterator[Aligned]:
@@ -316,7 +322,7 @@ class Aligner:
             for aligned in self._waiting:
                 _settle(aligned.odometry, record)
         elif isinstance(record, TruthPose):
-            self._truth = record
+            self._truth, self._truth_s = record, record.t_s
             for aligned in self._waiting:
                 _settle(aligned.truth, record)
         elif isinstance(record, Readings):

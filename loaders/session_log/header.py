@@ -14,7 +14,7 @@ from maurice_mcl.values import Arena, Camera, Region, SessionInfo
 
 from ..errors import FieldError, InputError
 from ..files.maps import read_ros_map
-from ..files.text import items, mapping, number, numbers, show, text, whole_characters
+from ..files.text import flag, items, mapping, number, numbers, show, text, whole_characters
 
 REGIONS = ("obstacles", "floors", "rooms")
 SESSION_LOG = "session.log"  # what a folder that holds a session calls it
@@ -89,7 +89,7 @@ def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any
     if info.arena is not None:
         header["map"] = arena_to_json(info.arena)
     header["notes"] = list(info.notes)
-    return header
+    return header | ({"captured": True} if info.captured else {})
 
 
 def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
@@ -124,6 +124,7 @@ def _info(values: dict[str, Any], path: Path) -> SessionInfo:
         survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
         arena=_arena(path.parent, arena),
         notes=tuple(text(n, "notes") for n in items(values.get("notes") or [], "notes")),
+        captured=flag(values.get("captured", False), "captured"),
     )
 
 

@@ -203,8 +203,6 @@ def playback_of_session(
 
 
 STEM = "live"  # of the recording, where no -o names it
-LATE_S = 10.0  # of session time: by then a robot may have moved
-CALENDAR_S = 1e8  # times from here on count from 1970, and do not show when the drive began
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +250,14 @@ def follow_source(
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
     gate = gate_of(reading, scans=False) if asked else None
-    listen = ListenOptions(live.keep_up, patience_of(live.patience_s), reading.camera, gate, library=library)
+    listen = ListenOptions(
+        live.keep_up,
+        patience_of(live.patience_s),
+        reading.camera,
+        gate,
+        library=library,
+        start_holds=spec.start == "tracking",
+    )
     with LiveSession(live_source(source, reading), listen, recorder, listener.remark) as session:
         try:
             return _localize(session, spec, replace(output, stem=STEM), listener, report)
@@ -300,14 +305,15 @@ def _library(session: LiveSession, listener: Listener) -> Library:
 
 def _joined_late(session: LiveSession, spec: RunSpec, listener: Listener) -> bool:
     """Return whether the robot has moved on from its header's start pose; remark what that means."""
+    from maurice_loaders.live.session import CALENDAR_S
+
     if spec.start is not None or session.info.start is None or not session.source.peer:
         return False
-    since_s = session.begun_s
-    if LATE_S < since_s < CALENDAR_S:
-        joined = f"joined {since_s:.0f} s into the drive"
+    if session.joined_late:
+        joined = f"joined {session.begun_s:.0f} s into the drive"
         listener.remark(f"{joined}, so the particles start anywhere; --start tracking for the header's pose")
         return True
-    if since_s >= CALENDAR_S:
+    if session.begun_s >= CALENDAR_S:
         listener.remark(
             "starting where the header says that the drive began; --start global where it has gone on since"
         )

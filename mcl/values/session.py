@@ -104,6 +104,7 @@ class SessionInfo:
     survey: Path | None = None  # the survey log or library that it belongs to, resolved
     arena: Arena | None = None
     notes: tuple[str, ...] = field(default=())  # for example "odometry is synthetic: ..."
+    captured: bool = False  # of a live source: its moments are those of the live run
 
 
 class Session(Protocol):

@@ -184,4 +184,4 @@ def test_a_picture_is_a_moment_when_it_came(truth: bool) -> None:
         for _ in islice(session.moments(), 5):
             came.append(time.monotonic())
     late_s = np.array(came) - sent
-    assert np.median(late_s) < SOONEST_S
+    assert np.max(late_s[1:]) < SOONEST_S  # the first one waits for what may tell a truth
