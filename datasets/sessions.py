@@ -16,6 +16,7 @@ from maurice_loaders.reading.recording import Motion, Note
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import LogLines, SessionWriter
 from maurice_mcl.errors import InputError
+from maurice_mcl.values import expected_one_of
 from maurice_mcl.values.arrays import F64, U8, NamedProgress
 from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import KIDNAPPED, NO_PICTURE, Frame, Moment, SessionInfo
@@ -47,7 +48,7 @@ def simulation_plan(
 ) -> SimulationPlan:
     """Return a checked plan from plain values; see `simulate`. InputError for what no session can be."""
     if task not in TASKS:
-        raise InputError(None, f"found task {task!r}, expected one of {', '.join(TASKS)}")
+        raise InputError(None, f"found task {task!r}, {expected_one_of(task, TASKS)}")
     try:
         changes, slips = parse_lights(lights), parse_span(slip_at)
         return SimulationPlan(task=TASKS[task], lights=changes, slip_at=slips, **settings)

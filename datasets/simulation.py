@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values import F64, Domain, stream
+from maurice_mcl.values import F64, Domain, expected_one_of, stream
 
 from .render.camera_session import CameraSession, session_camera
 from .render.conditions import GAINS, Conditions, LightChange, conditions_for
@@ -52,11 +52,11 @@ class SimulationPlan:
 
     def __post_init__(self) -> None:
         if self.tier not in TIERS:
-            raise ValueError(f"no tier called {self.tier!r}; there are {', '.join(TIERS)}")
+            raise ValueError(f"no tier called {self.tier!r}; {expected_one_of(self.tier, TIERS)}")
         if self.recording is not None and self.task.kidnapped:
             raise ValueError("found task kidnapped for a recorded path; choose tracking or global")
         if self.gain not in GAINS:
-            raise ValueError(f"no gain called {self.gain!r}; there are {', '.join(GAINS)}")
+            raise ValueError(f"no gain called {self.gain!r}; {expected_one_of(self.gain, GAINS)}")
         if self.updates < 1:
             raise ValueError(f"found {self.updates} updates, expected 1 or more")
         if not 0 <= self.people <= 100:

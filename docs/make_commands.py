@@ -30,7 +30,7 @@ from helpers.json_outputs import (  # noqa: E402
     shortened,
     write_material,
 )
-from maurice_viz.cli.app import COMMANDS, GROUPS, load  # noqa: E402
+from maurice_viz.cli.app import COMMANDS, help_record, load, name_of  # noqa: E402
 
 PAGE = ROOT / "docs" / "commands.md"
 BEGIN, END = "<!-- commands: made by docs/make_commands.py -->", "<!-- end of commands -->"
@@ -39,7 +39,7 @@ SHARED = 3  # commands that have an option in the same words: it is described on
 COMMON = "Options of several commands"
 DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
 REQUIRED = re.compile(r"\s*\[required\]")
-RANGE = re.compile(r"\s*\[[^\]]*x[<>][^\]]*\]")
+RANGE = re.compile(r"\s*\[(-?[\d.]+ to|at least) -?[\d.]+\]")
 PAGES = re.compile(r"docs/([\w-]+)\.md")
 
 
@@ -47,7 +47,7 @@ def made(page: str, samples: Mapping[str, Any]) -> str:
     """Return the page with the sections of all commands as they are now."""
     before, rest = page.split(BEGIN)
     after = rest.split(END)[1]
-    commands = {name: _rows(name) for group in GROUPS for name, one in COMMANDS.items() if one.group == group}
+    commands = {name: _rows(name) for name in COMMANDS}
     counts = Counter(text for rows in commands.values() for text in rows.values())
     shared = {
         name: text for rows in commands.values() for name, text in rows.items() if counts[text] >= SHARED
@@ -63,9 +63,7 @@ def section(name: str, rows: Mapping[str, str], shared: Mapping[str, str], shown
     command, page = load(COMMANDS[name]), COMMANDS[name].page
     text = "\n\n".join(" ".join(part.split()) for part in (command.help or "").split("\n\n"))
     see = f" See [{page}]({page}.md)." if page else ""
-    words = " ".join(
-        ("maurice-replay", name, *(_metavar(one) for one in command.params if _is_argument(one)))
-    )
+    words = " ".join(("maurice-replay", name, *(name_of(one) for one in command.params if _is_argument(one))))
     own = [row for row in rows.values() if row not in shared.values()]
     common = ", ".join(f"`{option}`" for option, row in rows.items() if row in shared.values())
     lines = [f"## maurice-replay {name}", "", f"`{words}`: {_linked(text)}{see}", "", *own]
@@ -80,7 +78,7 @@ def _rows(name: str) -> dict[str, str]:
     """Return the rows of a command's arguments and options, by their first name."""
     command = load(COMMANDS[name])
     context = typer.Context(command, info_name=name)
-    named = {_metavar(one) if _is_argument(one) else max(one.opts, key=len): one for one in command.params}
+    named = {name_of(one) if _is_argument(one) else max(one.opts, key=len): one for one in command.params}
     return {name: row(one, context) for name, one in named.items() if one.name != "help"}
 
 
@@ -91,22 +89,16 @@ def _is_argument(parameter: Any) -> bool:
 def row(parameter: Any, context: typer.Context) -> str:
     """Return an option or argument as a line: what it means, and its default."""
     parameter.hidden, hidden = False, getattr(parameter, "hidden", False)
-    words, text = parameter.get_help_record(context)
+    record = help_record(parameter, context)
+    assert record is not None
+    words, text = record
     parameter.hidden = hidden
     default = DEFAULT.search(text)
-    usual = default[1].split(";")[0].strip("()") if default else "required" if REQUIRED.search(text) else ""
-    if _is_argument(parameter):
-        words = _metavar(parameter)
-    words = re.sub(r" <[^>]*>$", " N" if "int" in words else " X", words)
+    usual = default[1].split(";")[0].strip("()") if default else "required" if parameter.required else ""
     for pattern in (DEFAULT, REQUIRED, RANGE):
         text = pattern.sub("", text)
     text = _linked(" ".join(text.split()))
     return f"* `{words}`: {text}" + (f" *{usual}*" if usual else "")
-
-
-def _metavar(argument: Any) -> str:
-    many = "..." if argument.nargs == -1 else ""
-    return f"{(argument.metavar or argument.name.upper()).removesuffix('...')}{many}"
 
 
 def _linked(text: str) -> str:

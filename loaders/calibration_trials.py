@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.fitting.motion import Straights, Trials, Turns
-from maurice_mcl.values import U8
+from maurice_mcl.values import U8, expected_one_of
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file
@@ -33,7 +33,7 @@ Moved = tuple[float, ...]  # of a turn, measured and actual (rad); of a straight
 def read_trials(file: Path, unit: str = "m") -> Trials:
     """Read turns (degrees) and straights (in `unit`: m, cm, mm, in). InputError names row and column."""
     if unit not in LENGTHS:
-        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(LENGTHS)}")
+        raise ValueError(f"found unit {unit!r}, {expected_one_of(unit, LENGTHS)}")
     rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
     ways = [row for row in rows if len(row[0]) == WAY_NUMBERS]
     turns = [moved for moved, _ in rows if len(moved) != WAY_NUMBERS]

@@ -8,6 +8,7 @@ from typing import Any
 
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.filter.motion import MOTION_MODELS
+from maurice_mcl.values import expected_one_of
 
 from .amcl import read_amcl
 from .errors import InputError
@@ -68,7 +69,7 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
         return
     model = motion.get("model", "maurice")
     if not isinstance(model, str) or model not in MOTION_MODELS:
-        raise InputError(file, f"motion.model: found {model!r}, expected one of {', '.join(MOTION_MODELS)}")
+        raise InputError(file, f"motion.model: found {model!r}, {expected_one_of(model, MOTION_MODELS)}")
     try:
         MOTION_MODELS[model][0](motion)
     except ValueError as problem:

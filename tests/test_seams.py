@@ -116,7 +116,7 @@ def hello() -> None:
     results.print("hello there")
 ''',
         "maurice_viz/cli/app.py": (
-            ('        Listed("replay", ', '        Listed("hello", "hello", "Greet.", _REPLAY),\n'),
+            ('        Listed("replay", ', '        Listed("hello", "hello", "Greet."),\n'),
         ),
     },
 }

@@ -21,7 +21,18 @@ from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values import Rule, checked, choice, entries, rules_of, table, text, truth, whole
+from maurice_mcl.values import (
+    Rule,
+    checked,
+    choice,
+    entries,
+    expected_one_of,
+    rules_of,
+    table,
+    text,
+    truth,
+    whole,
+)
 
 from ..sessions import simulation_plan
 from ..tasks import TASKS, TEST, TIERS
@@ -264,9 +275,8 @@ def _file_of(source: str | Path) -> Path:
     shipped = SHIPPED / f"{source}.toml"
     file = shipped if isinstance(source, str) and shipped.is_file() else Path(source)
     if not file.exists():
-        raise InputError(
-            file, f"there is no such plan; expected a TOML file or one of {', '.join(shipped_plans())}"
-        )
+        expected = expected_one_of(str(source), shipped_plans())
+        raise InputError(file, f"there is no plan and no TOML file of that name; {expected}")
     if file.is_dir():
         raise InputError(file, f"found a folder, expected a TOML file or one of {', '.join(shipped_plans())}")
     return file

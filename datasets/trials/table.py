@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from maurice_loaders.errors import InputError
+from maurice_mcl.values import expected_one_of
 
 from .rows import KEY, SCHEMA, TYPES, read_rows
 from .statistics import Clusters, Interval, Survival, mean, rate_difference, share, survival
@@ -116,7 +117,7 @@ def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> lis
     """
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:
-        raise InputError(None, f"--metric: found {metric!r}, expected one of {', '.join(NUMBERS)}")
+        raise InputError(None, f"--metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
     groups = rows.group_by(columns, maintain_order=True) if columns else [((), rows)]
     return [_group(dict(zip(columns, values, strict=True)), some, metric) for values, some in groups]
 
@@ -179,7 +180,7 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
     """
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:
-        raise InputError(None, f"--metric: found {metric!r}, expected one of {', '.join(NUMBERS)}")
+        raise InputError(None, f"--metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
     whole = {"label", "variant"} & set(columns)  # these say already which settings a run has
     other = [] if whole else [name for name in _varied(rows) if name not in columns]
     same = ["part", "session", "seed", *other]

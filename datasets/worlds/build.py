@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, stream
+from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, expected_one_of, stream
 
 from ..tasks import TIERS, SimPurpose, Tier
 from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of
@@ -268,8 +268,8 @@ def load_plan(name_or_path: str | Path) -> WorldPlan:
         return read_plan(known[str(name_or_path)])
     path = Path(name_or_path)
     if not path.is_file():
-        listed = f"{', '.join(known)}, or FILE.toml"
-        raise WorldError(path, f"found no world or file of that name; there are {listed}")
+        expected = expected_one_of(str(name_or_path), known)
+        raise WorldError(path, f"found no world and no TOML file of that name; {expected}")
     return read_plan(path)
 
 
@@ -289,5 +289,5 @@ def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -
 def check_tier(name_or_path: str | Path, tier: str) -> str:
     """Return the name of a tier; WorldError if there is none of that name."""
     if tier not in TIERS:
-        raise WorldError(Path(name_or_path), f"found no tier {tier!r}; there are {', '.join(TIERS)}")
+        raise WorldError(Path(name_or_path), f"found no tier {tier!r}; {expected_one_of(tier, TIERS)}")
     return tier

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import read_toml
+from maurice_mcl.values import expected_one_of
 
 from .draw import TEXTURES, read_image
 from .furniture import MAKERS
@@ -58,8 +59,8 @@ def word(
     value = table.word(key, table.take(key))
     for option in (value,) if isinstance(value, str) else value.options:
         if option not in more and not known.tell(option):
-            listed = ", ".join([*more, known.listed])
-            table.fail(key, f"no {known.what} called {option!r}; there are {listed}")
+            listed = expected_one_of(option, [*more, *known.listed.split(", ")])
+            table.fail(key, f"no {known.what} called {option!r}; {listed}")
     return value
 
 
@@ -131,7 +132,7 @@ def _read_hang(table: Table) -> tuple[str, ...]:
     kinds = table.items_of("hang", tuple(range(1, 65)))
     for kind in kinds:
         if not isinstance(kind, str) or kind not in HANGINGS:
-            table.fail("hang", f"nothing called {kind!r} can hang; there are {', '.join(HANGINGS)}")
+            table.fail("hang", f"nothing called {kind!r} can hang; {expected_one_of(kind, HANGINGS)}")
     return tuple(str(kind) for kind in kinds)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from maurice_mcl.values import Rule, choice, number, text, truth
+from maurice_mcl.values import Rule, choice, expected_one_of, number, text, truth
 
 from .plan import Choice, Number, NumberRange, Rect, Word, WorldError
 
@@ -167,4 +167,4 @@ class Table:
         """Raise WorldError for keys that were not read."""
         if self._left:
             first = next(iter(self._left))
-            self.fail(first, f"no such key; remove it, there are {', '.join(sorted(self._known))}")
+            self.fail(first, f"no such key; {expected_one_of(first, sorted(self._known))}")

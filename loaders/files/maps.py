@@ -8,7 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values import F64, FREE, OCCUPIED, Arena, Bool, OccupancyMap, open_arena, rotated
+from maurice_mcl.values import (
+    F64,
+    FREE,
+    OCCUPIED,
+    Arena,
+    Bool,
+    OccupancyMap,
+    expected_one_of,
+    open_arena,
+    rotated,
+)
 
 from ..errors import FieldError, InputError
 from .ros_maps import ENDINGS, grid_of_message, read_grid
@@ -65,7 +75,7 @@ def arena_from_lines(file: Path, unit: str, poses: F64) -> Arena:
     The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
     """
     if unit not in UNITS:
-        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(UNITS)}")
+        raise ValueError(f"found map unit {unit!r}, {expected_one_of(unit, UNITS)}")
     rows = read_number_rows(file, "a map", "a map", 4, "four numbers x1 y1 x2 y2", commas=True)
     segments = np.array(rows, np.float64).reshape(-1, 4)
     bounds = open_arena(poses, 1.0).bounds

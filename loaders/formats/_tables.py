@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from maurice_mcl.values import expected_one_of
+
 from ..errors import InputError
 from ..files.text import METERS, MOST, number_in, reading
 from ..reading.time_alignment import PER_SECOND
@@ -234,7 +236,7 @@ def _asked(file: Path, names: Sequence[str], role: str, value: str) -> Column:
         raise InputError(file, f"found columns {', '.join(names) or 'none'}, expected also {name!r}", 1)
     units = PER_SECOND if role == "time" else ANGLES if role in ANGULAR else LENGTHS
     if unit and unit not in units:
-        raise InputError(file, f"found unit {unit!r} of {role}, expected one of {', '.join(units)}")
+        raise InputError(file, f"found unit {unit!r} of {role}, {expected_one_of(unit, units)}")
     return Column(names.index(name), name, unit or _split(name)[1])
 
 

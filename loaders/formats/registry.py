@@ -12,6 +12,8 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from maurice_mcl.values import expected_one_of
+
 from ..errors import InputError
 from ..files.text import expect_regular
 from ..reading.options import ReadingOptions
@@ -155,8 +157,8 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
         return formats()["table"] if form is None or form.bare else form
     form = next((form for form in _in_order() if form.name == options.format), None)
     if form is None:
-        names = ", ".join(formats())
-        raise InputError(path, f"there is no format {options.format!r}, expected one of {names}")
+        expected = expected_one_of(options.format, formats())
+        raise InputError(path, f"there is no format {options.format!r}; {expected}")
     _expect_there(path)
     return form
 

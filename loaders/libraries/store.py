@@ -15,7 +15,18 @@ import numpy as np
 from maurice_mcl.sensor.ahead import on_all_cores
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe, reduced
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values import F32, F64, U8, Arena, Camera, ChannelIndex, Library, Progress, open_arena
+from maurice_mcl.values import (
+    F32,
+    F64,
+    U8,
+    Arena,
+    Camera,
+    ChannelIndex,
+    Library,
+    Progress,
+    expected_one_of,
+    open_arena,
+)
 
 from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes
@@ -136,7 +147,7 @@ def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
     """Return the named channels, or all; FieldError for a name that is none."""
     unknown = [name for name in names or () if name not in CHANNELS]
     if unknown:
-        raise FieldError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")
+        raise FieldError(f"found channel {unknown[0]!r}, {expected_one_of(unknown[0], CHANNELS)}")
     return {name: CHANNELS[name] for name in (CHANNELS if names is None else names)}
 
 

@@ -21,7 +21,7 @@ from maurice_mcl.fitting.motion import calibrate as fit_trials
 from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionSegment
 from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
-from maurice_mcl.values import F64, Arena, SessionInfo
+from maurice_mcl.values import F64, Arena, SessionInfo, expected_one_of
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
@@ -275,7 +275,7 @@ def calibrate_drive(
     if not paths:
         raise OptionError("found no recording, expected one or more")
     if model not in (None, *MODELS):
-        raise OptionError(f"found the model {model!r}, expected one of {', '.join(MODELS)}")
+        raise OptionError(f"found the model {model!r}, {expected_one_of(model, MODELS)}")
     if to is not None:
         expect_absent(Path(to), force=force)
     options = reading or ReadingOptions()

@@ -22,7 +22,7 @@ from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.comparison import RunComparison
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.values import Library, Moment, StepRecord
+from maurice_mcl.values import Library, Moment, StepRecord, expected_one_of
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.open import library_at, library_of
@@ -187,7 +187,7 @@ def events(run: str | Path, *, kinds: Sequence[str] = (), routine: bool = False)
     """
     for kind in kinds:
         if kind not in KINDS:
-            raise OptionError(f"no kind called {kind!r}; there are {', '.join(KINDS)}")
+            raise OptionError(f"no kind called {kind!r}; {expected_one_of(kind, KINDS)}")
 
     def is_wanted(event: RunEvent) -> bool:
         return event.kind in kinds if kinds else routine or not event.is_routine

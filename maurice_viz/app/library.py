@@ -29,7 +29,7 @@ from maurice_mcl.library.quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.values import Library
+from maurice_mcl.values import Library, expected_one_of
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
@@ -289,7 +289,7 @@ def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tup
     wanted = tuple(dict.fromkeys(name.strip() for name in channels if name.strip()))
     for name in wanted:
         if name not in CHANNELS:
-            raise OptionError(f"no channel called {name!r}; there are {', '.join(CHANNELS)}")
+            raise OptionError(f"no channel called {name!r}; {expected_one_of(name, CHANNELS)}")
         if name not in there:
             raise InputError(path, f"holds {', '.join(there)}, and {name} is wanted; build the library again")
     if not wanted:

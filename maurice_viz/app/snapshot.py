@@ -9,6 +9,7 @@ from pathlib import Path
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
+from maurice_mcl.values import expected_one_of
 
 from ..entities import PHASE, PHASE_NAMES, PHASES_PER_STEP, SEEN, STEP, Phase, Place
 from ..errors import SILENT, Listener, OptionError
@@ -54,7 +55,7 @@ def snapshot(
     """
     target = _checked(Path(to), (".png",), size, force=force)
     if phase is not None and phase not in PHASE_NAMES:
-        raise OptionError(f"no phase called {phase!r}; there are {', '.join(PHASE_NAMES)}")
+        raise OptionError(f"no phase called {phase!r}; {expected_one_of(phase, PHASE_NAMES)}")
     _check_saved_steps(Path(source), step)
     with _viewer_on(Path(source), (layout, label), view, size, listener) as viewer:
         last = _span(viewer, Path(source), step, step)[-1]

@@ -6,12 +6,12 @@ import difflib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -21,15 +21,6 @@ from typer.models import CommandInfo
 from .shared.errors import errors_end_the_command, fail, stop_by_exception
 from .shared.visible import visible_output
 
-GROUPS = (
-    "Replay and compare",
-    "Understand",
-    "Recordings and files",
-    "Library",
-    "Simulate and calibrate",
-    "Trials and configuration",
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Listed:
@@ -38,77 +29,101 @@ class Listed:
     name: str  # one word, or two of a group of commands: "library build"
     module: str
     what: str  # one line
-    group: str
     page: str = ""  # of the documentation, about it
+    first: bool = False  # whether it stands on the first page of the help
 
 
-_REPLAY, _WHY, _DATA, _LIBRARY, _SIMULATE, _TRIALS = GROUPS
 COMMANDS = {
     command.name: command
     for command in (
-        Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
-        Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer.", _REPLAY),
-        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "explain"),
-        Listed("demo", "replay", "Replay a simulated kidnapping, or two features.", _REPLAY, "tutorial"),
-        Listed(
-            "verify", "replay", "Filter a saved run again: is it the same to the bit?", _REPLAY, "saved-runs"
-        ),
-        Listed("diagnose", "runs", "Say why a filter was lost.", _WHY, "diagnose"),
-        Listed("what-if", "runs", "Branch a saved run with a change; rank remedies.", _WHY, "what-if"),
-        Listed("explain", "runs", "Explain one step of a saved run.", _WHY, "explain"),
-        Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _WHY, "what-if"),
-        Listed("check", "check", "Test whether a filter meets demands on drives, for CI.", _WHY, "trials"),
-        Listed("report", "runs", "Write one page about a saved run.", _WHY, "share"),
-        Listed("snapshot", "runs", "Take a picture or a movie.", _WHY, "share"),
-        Listed("inspect", "recordings", "List what a recording or a saved run holds.", _DATA, "formats"),
-        Listed("doctor", "recordings", "Find what is wrong in a recording, and the fix.", _DATA, "doctor"),
-        Listed("record", "convert", "Record a live source into a session log.", _DATA, "your-robot"),
-        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _DATA, "share"),
-        Listed("export", "convert", "Write a saved run for other tools.", _DATA, "share"),
-        Listed("import pictures", "convert", "Make logs of pictures and poses.", _DATA, "your-robot"),
-        Listed("library build", "library", "Build a library of reference pictures.", _LIBRARY, "library"),
-        Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library"),
-        Listed("library check", "library", "Find gaps, look-alikes, and what to add.", _LIBRARY, "library"),
-        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "library"),
-        Listed(
-            "map build", "convert", "Build a laser's map from scans with true poses.", _LIBRARY, "library"
-        ),
-        Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
-        Listed("drive", "drive", "Drive the simulated robot yourself, live.", _SIMULATE, "simulate"),
-        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "simulate"),
-        Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
-        Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE, "calibrate"),
-        Listed(
-            "calibrate belief", "calibrate", "Check whether clouds hold the truth.", _SIMULATE, "lost-signal"
-        ),
-        Listed("calibrate drive", "calibrate", "Fit the odometry's noise to drives.", _SIMULATE, "calibrate"),
-        Listed("trials run", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
-        Listed("trials table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
-        Listed("trials report", "trials", "Write one page about trials.", _TRIALS, "trials"),
-        Listed(
-            "config", "config", "Show the effective configuration; check a file.", _TRIALS, "configuration"
-        ),
+        Listed("replay", "replay", "Replay a session, a saved run or a live source.", first=True),
+        Listed("demo", "replay", "Replay a simulated kidnapping; needs no recording.", "tutorial", True),
+        Listed("compare", "replay", "Replay two to four runs side by side.", "explain", True),
+        Listed("drive", "drive", "Drive the simulated robot yourself, live.", "simulate", True),
+        Listed("inspect", "recordings", "List what a recording or a saved run holds.", "formats", True),
+        Listed("doctor", "recordings", "Find what is wrong in a recording, and the fix.", "doctor", True),
+        Listed("diagnose", "runs", "Say why a filter was lost.", "diagnose", True),
+        Listed("explain", "runs", "Explain one step of a saved run.", "explain", True),
+        Listed("report", "runs", "Write one page about a saved run.", "share", True),
+        Listed("what-if", "runs", "Branch a saved run with a change; rank remedies.", "what-if"),
+        Listed("check", "check", "Test whether a filter meets demands on drives, for CI.", "trials"),
+        Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", "what-if"),
+        Listed("verify", "replay", "Filter a saved run again: is it the same to the bit?", "saved-runs"),
+        Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer."),
+        Listed("snapshot", "runs", "Take a picture or a movie.", "share"),
+        Listed("export", "convert", "Write a saved run for other tools.", "share"),
+        Listed("convert", "convert", "Write a recording as a log or as MCAP.", "share"),
+        Listed("record", "convert", "Record a live source into a session log.", "your-robot"),
+        Listed("simulate", "simulate", "Simulate a drive and its survey.", "simulate"),
+        Listed("survey", "simulate", "Survey a simulated world.", "simulate"),
+        Listed("config", "config", "Show the effective configuration; check a file.", "configuration"),
+        Listed("library build", "library", "Build a library of reference pictures.", "library"),
+        Listed("library show", "library", "Show what a library holds.", "library"),
+        Listed("library check", "library", "Find gaps, look-alikes, and what to add.", "library"),
+        Listed("library tune", "library", "Tune channels to a library.", "library"),
+        Listed("map build", "convert", "Build a laser's map from scans with true poses.", "library"),
+        Listed("import pictures", "convert", "Make logs of pictures and poses.", "your-robot"),
+        Listed("calibrate motion", "calibrate", "Fit the motion parameters.", "calibrate"),
+        Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", "calibrate"),
+        Listed("calibrate belief", "calibrate", "Check whether clouds hold the truth.", "lost-signal"),
+        Listed("calibrate drive", "calibrate", "Fit the odometry's noise to drives.", "calibrate"),
+        Listed("trials run", "trials", "Make many runs over drives, filters and seeds.", "trials"),
+        Listed("trials table", "trials", "Print grouped figures with intervals.", "trials"),
+        Listed("trials report", "trials", "Write one page about trials.", "trials"),
     )
 }
 FAMILIES = {
-    "trials": "Make many runs, print their figures, or write a page about them.",
-    "library": "Build, show or check a library of reference pictures, or tune channels to it.",
+    "library": "Build, show, check or tune a library of reference pictures.",
     "map": "Build the map that a robot with a laser is localized on.",
-    "import": "Convert other data to session and survey logs.",
-    "calibrate": "Calibrate the motion model, the camera's noise and the belief.",
+    "import": "Turn other data into session and survey logs.",
+    "calibrate": "Fit the motion model, the camera's noise and the belief.",
+    "trials": "Make many runs, and print their figures or a page.",
 }
 HELP = "help"  # a command, for who does not know --help
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
 
+def name_of(argument: Any) -> str:
+    """Return what stands for an argument: SESSION, or SESSION... of which there may be several."""
+    many = "..." if argument.nargs == -1 else ""
+    return f"{(argument.metavar or argument.name.upper()).removesuffix('...')}{many}"
+
+
+def help_record(parameter: Any, ctx: Any) -> tuple[str, str] | None:
+    """Return how a parameter is typed and what it means, without words of Python; None if it is hidden."""
+    record = parameter.get_help_record(ctx)
+    if record is None:
+        return None
+    typed, text = record
+    for pattern, words in AS_WORDS:
+        text = pattern.sub(words, text)
+    if parameter.param_type_name == "argument":
+        return name_of(parameter), text.removesuffix("[required]").rstrip()
+    return typed, text
+
+
+AS_WORDS = (  # how Typer describes a value, and how we do
+    (re.compile(r"(-?[\d.]+)<=x<=(-?[\d.]+)"), r"\1 to \2"),
+    (re.compile(r"x>=(-?[\d.]+)"), r"at least \1"),
+    (re.compile(r"\[default: \((.*?)\)"), r"[default: \1"),
+    (re.compile(r"\] +\["), "; "),
+)
+
+
 class PanelCommand(TyperCommand):
     """A command whose help lists its options by panel, and whose errors end in one line."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the words of the usage: SESSION has to be there, [SESSION] may be."""
+        arguments = [each for each in self.get_params(ctx) if each.param_type_name == "argument"]
+        names = [name_of(each) if each.required else f"[{name_of(each)}]" for each in arguments]
+        return ["[OPTIONS]", *names]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, then the options of each panel."""
         panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
         for parameter in self.get_params(ctx):
-            record = parameter.get_help_record(ctx)
+            record = help_record(parameter, ctx)
             if record is not None:
                 usual = "Arguments" if parameter.param_type_name == "argument" else "Options"
                 panels.setdefault(getattr(parameter, "rich_help_panel", None) or usual, []).append(record)
@@ -158,17 +173,8 @@ class CommandList(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands by group, without importing them."""
-        width = max(map(len, self._listed))
-        for group in GROUPS:
-            rows = [
-                (f"{name:{width}}", command.what)
-                for name, command in self._listed.items()
-                if command.group == group
-            ]
-            if rows:
-                with formatter.section(group):
-                    formatter.write_dl(rows)
+        """Write the commands, without importing them."""
+        _write_rows(formatter, "Commands", {name: listed.what for name, listed in self._listed.items()})
 
 
 class ReplayByDefault(CommandList):
@@ -185,6 +191,21 @@ class ReplayByDefault(CommandList):
         """Import the command of that name; `help` is an empty one, for the completion of its name."""
         return TyperCommand(HELP) if name == HELP else super().get_command(ctx, name)
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the first page: the main commands, the groups, and the names of the others."""
+        formatter.write_usage(ctx.command_path, "[COMMAND] SESSION [OPTIONS]")
+        self.format_help_text(ctx, formatter)
+        alone = {name: listed for name, listed in COMMANDS.items() if " " not in name}
+        _write_rows(
+            formatter, "Commands", {name: listed.what for name, listed in alone.items() if listed.first}
+        )
+        _write_rows(formatter, "Groups, each of which lists its commands", FAMILIES)
+        with formatter.section(f"More: `{ctx.command_path} {HELP} more`"):
+            formatter.write_text(", ".join(name for name, listed in alone.items() if not listed.first))
+        formatter.write_paragraph()
+        formatter.write_text(f"Options of a command: `{ctx.command_path} COMMAND --help`. Of this one:")
+        formatter.write_text("--version, --install-completion, --show-completion, --help")
+
     def main(self, *args: Any, **how: Any) -> Any:
         """Run; control characters in what is printed, also by a usage error, are shown as marks."""
         _join_pairs_of_bash()
@@ -198,6 +219,11 @@ class ReplayByDefault(CommandList):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""
         if args[:1] == [HELP]:
+            if len(args) == 2 and args[1] in TOPICS and not ctx.resilient_parsing:
+                formatter = ctx.make_formatter()
+                TOPICS[args[1]](formatter)
+                typer.echo(formatter.getvalue().strip("\n"))
+                raise typer.Exit
             args = [*args[1:], "--help"]
         if args and args[0] not in OWN_OPTIONS and args[0] not in self.list_commands(ctx):
             word = args[0]  # neither an option, an address nor a file: a mistyped command, probably
@@ -207,6 +233,36 @@ class ReplayByDefault(CommandList):
                 fail(f"{word}: there is no session or command of that name; {nearest}")
             args = ["replay", *args]
         return super().parse_args(ctx, args)
+
+
+def _write_rows(formatter: Any, title: str, rows: Mapping[str, str]) -> None:
+    with formatter.section(title):
+        formatter.write_dl([*rows.items()])
+
+
+def _write_others(formatter: Any) -> None:
+    """Write the commands that the first page of the help only names."""
+    others = {name: one.what for name, one in COMMANDS.items() if not one.first and " " not in name}
+    _write_rows(formatter, "More commands", others)
+
+
+def _write_reading(formatter: Any) -> None:
+    """Write the keys of --reading by group."""
+    from maurice_loaders.reading.options import FIELDS
+
+    from .shared.values import KEYS
+
+    formatter.write_text("--reading KEY=VALUE, which may be repeated, says how a recording is read.")
+    groups: dict[str, dict[str, str]] = {}
+    for key, name in KEYS.items():
+        meaning = FIELDS[name]
+        choices = f" One of {', '.join(meaning.choices)}." if meaning.choices else ""
+        groups.setdefault(meaning.group.capitalize(), {})[key] = meaning.text + choices
+    for title, rows in groups.items():
+        _write_rows(formatter, title, rows)
+
+
+TOPICS = {"more": _write_others, "reading": _write_reading}  # of `maurice-replay help`
 
 
 def _join_pairs_of_bash() -> None:
@@ -250,6 +306,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
             ]
         else:
             options.append(parameter.replace(kind=Parameter.KEYWORD_ONLY))
+    for option in options:
+        _name_value(option.annotation)
 
     def call(**values: Any) -> None:
         for name, kind in sets.items():
@@ -261,14 +319,24 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
+VALUES = ((int, "N"), (float, "X"), (Path, "PATH"))  # what stands for an option's value that has no name
+
+
+def _name_value(annotation: Any) -> None:
+    kind, info = get_args(annotation)
+    kinds = {each for outer in (kind, *get_args(kind)) for each in (outer, *get_args(outer))}
+    words = [word for python, word in VALUES if python in kinds]
+    if info.metavar is None and words:
+        info.metavar = words[0]
+
+
 app = typer.Typer(
     cls=ReplayByDefault,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help="Replay a robot session through vision-based Monte Carlo localization and look at every step in "
-    "Rerun. `maurice-replay SESSION` is short for `maurice-replay replay SESSION`. Is the filter lost? "
-    "`maurice-replay diagnose SESSION` says why.",
+    help="Replay a robot's recording through Monte Carlo localization, and see every step in the Rerun "
+    "viewer. A SESSION without a command is replayed.",
 )
 
 

@@ -41,7 +41,9 @@ def motion(
     plots: Annotated[
         Path | None, option("--plots", "Draw the thesis's figures 4 to 11.", metavar="DIR")
     ] = None,
-    unit: Annotated[str, option("--unit", f"Unit of the lengths in a CSV: {' | '.join(LENGTHS)}.")] = "m",
+    unit: Annotated[
+        str, option("--unit", "Unit of the lengths in a CSV.", **opt.one_of(LENGTHS, "unit of lengths"))
+    ] = "m",
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:

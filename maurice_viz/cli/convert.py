@@ -99,7 +99,10 @@ def convert(
     source: Annotated[Path, argument("IN", "A recording of any readable format.")],
     target: Annotated[Path, argument("OUT", "A folder, or a name ending in .log or .mcap.")],
     *,
-    pictures: Annotated[str, option("--pictures", "png: lossless. jpeg: smaller (quality 95).")] = "png",
+    pictures: Annotated[
+        str,
+        option("--pictures", "png: lossless. jpeg: smaller (quality 95).", metavar="png|jpeg"),
+    ] = "png",
     reading: opt.ReadingSet,
     force: opt.Force = False,
     json_output: opt.Json = False,
@@ -144,8 +147,8 @@ def export(
         str | None,
         option(
             "--only",
-            f"Only one path for TUM and KITTI: {' | '.join(PATHS)}. [default: all three]",
-            autocompletion=opt.completed(PATHS),
+            "Only one path for TUM and KITTI. [default: all three]",
+            **opt.one_of(PATHS, "path"),
         ),
     ] = None,
     scored: Annotated[

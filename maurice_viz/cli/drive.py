@@ -41,7 +41,13 @@ def drive(
     preset: opt.Preset = None,
     particles: opt.Particles = None,
     start: Annotated[
-        str, opt.option("--start", "Whether the filter knows where it begins: global | tracking.", opt.FILTER)
+        str,
+        opt.option(
+            "--start",
+            "Whether the filter knows where it begins.",
+            opt.FILTER,
+            **opt.one_of(("global", "tracking"), "start"),
+        ),
     ] = "global",
     seed: opt.Seed = 0,
     laser: Annotated[

@@ -135,7 +135,6 @@ def snapshot(
             "--phase",
             f"One phase of it: {', '.join(PHASE_NAMES)}; in a movie `all`: six pictures a step.",
             PICTURE,
-            metavar="NAME",
             **opt.one_of((*PHASE_NAMES, ALL), "phase"),
         ),
     ] = None,
@@ -145,7 +144,8 @@ def snapshot(
     last: Annotated[int | None, option("--to", "Its last step. [default: the last]", MOVIE, min=1)] = None,
     fps: Annotated[float, option("--fps", "Its pictures per second.", MOVIE, min=0.1, max=50)] = 4.0,
     view: Annotated[
-        str | None, option("--view", "Only this view, by its title or the beginning of its title.")
+        str | None,
+        option("--view", "Only this view, by its title or the beginning of its title.", metavar="TITLE"),
     ] = None,
     layout: opt.Layout = None,
     run: opt.RunName = None,
@@ -245,7 +245,6 @@ class ChangeSet:
             "--start",
             "Begin the branch with particles spread over all free space. [default: where the run has them]",
             opt.FILTER,
-            metavar="global",
             **opt.one_of(("global",), "start of a branch"),
         ),
     ] = None

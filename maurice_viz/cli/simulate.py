@@ -38,10 +38,16 @@ class WorldSet:
 
     world: Annotated[
         str,
-        option("--world", "A world's name, or the path of a TOML file.", WORLD, autocompletion=_worlds),
+        option(
+            "--world",
+            "A world's name, or the path of a TOML file.",
+            WORLD,
+            metavar="NAME|FILE.toml",
+            autocompletion=_worlds,
+        ),
     ] = "two-rooms"
     tier: Annotated[
-        str, option("--tier", f"{' | '.join(TIERS)}.", WORLD, autocompletion=completed(TIERS))
+        str, option("--tier", "How hard the light makes it.", WORLD, **opt.one_of(TIERS, "tier"))
     ] = "nominal"
     arena_seed: Annotated[
         int,
@@ -81,11 +87,19 @@ class DriveSet:
         option("--kidnap-at", "Carry the robot away after this step. [default: halfway]", DRIVE, min=1),
     ] = None
     slip_at: Annotated[
-        str, option("--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE)
+        str,
+        option(
+            "--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE, metavar="STEPS"
+        ),
     ] = ""
     lights: Annotated[
         str,
-        option("--lights", "Changes of light, such as dim@40,off@60,daylight@20-100,on@80,drift.", CHANGES),
+        option(
+            "--lights",
+            "Changes of light, such as dim@40,off@60,daylight@20-100,on@80,drift.",
+            CHANGES,
+            metavar="WORDS",
+        ),
     ] = ""
     moved: Annotated[
         int,
@@ -96,12 +110,7 @@ class DriveSet:
     ] = 0
     gain: Annotated[
         str,
-        option(
-            "--gain",
-            "The session's camera: fixed | auto.",
-            CHANGES,
-            autocompletion=completed(("fixed", "auto")),
-        ),
+        option("--gain", "Gain of the session's camera.", CHANGES, **opt.one_of(("fixed", "auto"), "gain")),
     ] = "fixed"
     recording: Annotated[
         Path | None,
@@ -140,7 +149,7 @@ class LiveSet:
 
 
 def simulate(
-    task: Annotated[str, argument("TASK", f"{' | '.join(TASKS)}.", autocompletion=completed(TASKS))],
+    task: Annotated[str, argument("TASK", f"{' | '.join(TASKS)}.", **opt.one_of(TASKS, "task"))],
     world: WorldSet,
     drive: DriveSet,
     live: LiveSet,
@@ -212,7 +221,12 @@ def survey(
     ],
     world: WorldSet,
     spacing: Annotated[
-        str | None, option("--spacing", "Distance between nodes, like 18in or 0.6m. [default: the world's]")
+        str | None,
+        option(
+            "--spacing",
+            "Distance between nodes, like 18in or 0.6m. [default: the world's]",
+            metavar="LENGTH",
+        ),
     ] = None,
     headings: Annotated[
         int | None, option("--headings", "References per node. [default: the world's]", min=1, max=360)

@@ -16,7 +16,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.ros_maps import ENDINGS
 from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values import F64
+from maurice_mcl.values import F64, expected_one_of
 
 from ..errors import OptionError
 
@@ -134,4 +134,4 @@ def check_name(name: str | None, known: Iterable[str], what: str) -> None:
     """Refuse a name that is not among the known ones. OptionError."""
     names = list(dict.fromkeys(known))
     if name is not None and name not in names:
-        raise OptionError(f"no {what} called {name!r}; there are {', '.join(names)}")
+        raise OptionError(f"no {what} called {name!r}; {expected_one_of(name, names)}")

@@ -23,7 +23,17 @@ from ..sensor.model import SensorModel, SensorParameters
 from ..sensor.outside import with_sensors
 from ..sensor.references import NearestReference, interpolated_reference
 from ..sensor.virtual_references import virtual_references
-from ..values import POSE_SENSORS, Library, PoseSensor, PoseSpread, Radii, Session, radii_of, spacing
+from ..values import (
+    POSE_SENSORS,
+    Library,
+    PoseSensor,
+    PoseSpread,
+    Radii,
+    Session,
+    expected_one_of,
+    radii_of,
+    spacing,
+)
 from .parameters import (
     PRESETS,
     Configuration,
@@ -70,7 +80,7 @@ def make_localizer(
     """
     preset = "laser" if preset is None and library.is_map else preset
     if preset is not None and preset not in PRESETS:
-        raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
+        raise InputError(None, f"preset: found {preset!r}, {expected_one_of(preset, PRESETS)}")
     weights = None if feature is None else weights_of(feature)
     objects = {sensor.name: sensor for sensor in sensors if not isinstance(sensor, str)}
     outside = tuple(sensor for sensor in sensors if isinstance(sensor, str)) or None

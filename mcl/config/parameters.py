@@ -6,7 +6,6 @@ values, with the name of its origin.
 
 from __future__ import annotations
 
-import difflib
 import math
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -23,6 +22,7 @@ from ..sensor.distances import DISTANCES
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
+from ..values import expected_one_of
 from ..values.geometry import INCH_M
 from ..values.library import RadiiParameters
 from ..values.map import OBSTACLES, SOLID
@@ -57,7 +57,7 @@ def check_channel(key: str, name: str, sensors: Collection[str] = ()) -> None:
     """Raise ValueError for a name of no channel, and of no pose sensor: ours, or one of `sensors`."""
     known = tuple(dict.fromkeys((*CHANNELS, *POSE_SENSORS, *sensors)))
     if name not in known:
-        raise ValueError(f"{key}: no channel called {name!r}; there are {', '.join(known)}")
+        raise ValueError(f"{key}: no channel called {name!r}; {expected_one_of(name, known)}")
 
 
 def _table(key: str, value: Any) -> Mapping[str, Any]:
@@ -327,8 +327,8 @@ def defaults() -> dict[str, Any]:
 
 def _checked(key: str, value: Any, origin: str) -> Any:
     if key not in RULES:
-        near = difflib.get_close_matches(key, RULES, n=1)
-        advice = f"did you mean {near[0]}?" if near else "`maurice-replay config` lists all"
+        advice = expected_one_of(key, RULES)
+        advice = advice if advice.startswith("did") else "`maurice-replay config` lists all"
         raise ValueError(f"{origin}: {key} is not known; {advice}")
     return _in_layer(origin, RULES[key], key, value)
 

@@ -6,14 +6,30 @@ A rule takes the key and the raw value, and returns the value; messages name the
 from __future__ import annotations
 
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any
 
 LEAST_RADIUS_M = 0.001
+MANY_WORDS = 12
 
 Rule = Callable[[str, Any], Any]  # from key and raw value to the value; raises ValueError in one line
+
+
+def expected_one_of(word: Any, known: Iterable[str]) -> str:
+    """Say which words there are in place of an unknown one, and which of them it is like.
+
+    Of many words only the one that it is like is named, if there is one.
+
+        >>> expected_one_of("kidnaped", ["tracking", "kidnapped"])
+        'expected one of tracking, kidnapped; did you mean kidnapped?'
+    """
+    words = list(dict.fromkeys(known))
+    near = get_close_matches(str(word), words, 1)
+    question = [f"did you mean {near[0]}?"] if near else []
+    everything = [] if near and len(words) > MANY_WORDS else [f"expected one of {', '.join(words)}"]
+    return "; ".join(everything + question)
 
 
 def number(low: float, high: float) -> Rule:
@@ -53,7 +69,7 @@ def choice(*words: str) -> Rule:
 
     def rule(key: str, value: Any) -> str:
         if value not in words:
-            raise ValueError(f"{key}: found {value!r}, expected one of {', '.join(words)}")
+            raise ValueError(f"{key}: found {value!r}, {expected_one_of(value, words)}")
         return str(value)
 
     return rule
@@ -110,9 +126,7 @@ def checked(given: Mapping[str, Any], rules: Mapping[str, Rule], where: str = ""
     """Return the values of a table, each as its rule takes it. ValueError for a key without a rule."""
     unknown = next((key for key in given if key not in rules), None)
     if unknown is not None:
-        near = get_close_matches(unknown, rules, 1)
-        advice = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(rules)}"
-        raise ValueError(f"{where}found the key {unknown!r}, {advice}")
+        raise ValueError(f"{where}found the key {unknown!r}, {expected_one_of(unknown, rules)}")
     return {key: rules[key](f"{where}{key}", value) for key, value in given.items()}
 
 

@@ -13,6 +13,7 @@ import typer
 from maurice_loaders.reading.options import FIELDS, ReadingOptions
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.values import expected_one_of
 
 from ...entities import PHASE_NAMES
 from ...errors import OptionError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 MOST_SEED = 2**32 - 1
+MOST_CHOICES = 24  # characters of names that stand beside their option; longer lists are in its help
 TRUTHS = ("true", "false")
 
 
@@ -38,9 +40,9 @@ def writes(metavar: str, text: str, panel: str | None = None) -> Any:
     return option("-o --output", text, panel, metavar=metavar, show_default=False)
 
 
-def argument(metavar: str | None, text: str, **more: Any) -> Any:
+def argument(metavar: str | None, text: str, /, **more: Any) -> Any:
     """Describe an argument."""
-    return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
+    return typer.Argument(help=text, show_default=False, **more | {"metavar": metavar})
 
 
 def completed(names: Iterable[str]) -> Callable[[str], list[str]]:
@@ -85,16 +87,18 @@ def _words_of(rule: Callable[[str, Any], Any]) -> tuple[str, ...]:
 
 
 def one_of(known: Iterable[str], what: str) -> dict[str, Any]:
-    """Return what an option of known names has: a check of its value or values, and their completion."""
+    """Return what an option of known names has: how they are typed, their check, and their completion."""
     names = list(dict.fromkeys(known))
+    choices = "|".join(names)
 
     def check(typed: Any) -> Any:
         for value in typed if isinstance(typed, list) else [typed]:
             if value is not None and value not in names:
-                raise typer.BadParameter(f"no {what} called {value!r}; there are {', '.join(names)}")
+                raise typer.BadParameter(f"no {what} called {value!r}; {expected_one_of(value, names)}")
         return typed
 
-    return {"callback": check, "autocompletion": completed(names)}
+    metavar = choices if len(choices) <= MOST_CHOICES else "NAME"
+    return {"metavar": metavar, "callback": check, "autocompletion": completed(names)}
 
 
 Session = Annotated[
@@ -112,14 +116,12 @@ _FEATURE = option(
     "--feature",
     f"Feature to compare: {', '.join(FEATURES)}, or any one channel. [default: blended]",
     FILTER,
-    metavar="NAME",
     **one_of([*FEATURES, *CHANNELS], "feature"),
 )
 _PRESET = option(
     "--preset",
-    "A complete filter by name.",
+    f"A complete filter by name: {', '.join(PRESETS)}.",
     FILTER,
-    metavar="|".join(PRESETS),
     **one_of(PRESETS, "preset"),
 )
 _CONFIG_WORDS = "A configuration file, applied after the preset; or AMCL's parameters, as nav2_params.yaml."
@@ -196,7 +198,7 @@ MapFile = Annotated[
 ]
 MapUnit = Annotated[
     str,
-    option("--map-unit", "Unit of wall segments: mm or m.", **one_of(("mm", "m"), "unit of a map")),
+    option("--map-unit", "Unit of wall segments.", **one_of(("mm", "m"), "unit of a map")),
 ]
 Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
 AllRows = Annotated[
@@ -209,7 +211,6 @@ Layout = Annotated[
         "--layout",
         f"The layout (the viewer's tab) to begin with: {', '.join(LAYOUT_NAMES)}. [default: story]",
         OUTPUT,
-        metavar="NAME",
         **one_of(LAYOUT_NAMES, "layout"),
     ),
 ]
@@ -223,7 +224,6 @@ OnePhase = Annotated[
     option(
         "--phase",
         f"One phase of the step, in the tab `inside-a-step`: {', '.join(PHASE_NAMES)}.",
-        metavar="NAME",
         **one_of(PHASE_NAMES, "phase"),
     ),
 ]
@@ -233,7 +233,6 @@ Detail = Annotated[
         "--detail",
         "Draw every panel at every step, every panel only around events, or few panels throughout.",
         OUTPUT,
-        metavar="|".join(DETAILS),
         **one_of(DETAILS, "detail"),
     ),
 ]
@@ -246,7 +245,7 @@ Reading = Annotated[
     option(
         "--reading",
         "How the recording is read: format, camera, topics, columns, clocks, units, frames, which "
-        f"pictures. Repeatable. Keys: {', '.join(KEYS)}. [default: detected, printed]",
+        "pictures. Repeatable; `help reading` lists the keys. [default: detected, printed]",
         READING,
         metavar="FILE.toml|KEY=VALUE",
         autocompletion=completed_pairs(

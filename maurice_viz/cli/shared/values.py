@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 from maurice_loaders.files.text import METERS, parse_toml
 from maurice_loaders.reading.options import FIELDS, RULES, ReadingOptions, option_value, read_reading
+from maurice_mcl.values import expected_one_of
 
 from ...errors import OptionError
 
@@ -112,9 +112,7 @@ def _text(name: str, value: Any) -> str:
 def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
     name = KEYS.get(key, key if key in FIELDS else None)
     if name is None:
-        matches = difflib.get_close_matches(key, KEYS, n=1)
-        advice = f"did you mean {matches[0]}?" if matches else f"there are {', '.join(KEYS)}"
-        raise OptionError(f"--reading has no key {key!r}; {advice}")
+        raise OptionError(f"--reading has no key {key!r}; {expected_one_of(key, KEYS)}")
     try:
         parsed = RULES[name](f"--reading {key}", value)
     except ValueError as problem:

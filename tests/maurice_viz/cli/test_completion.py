@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from helpers.commands import failure, maurice, run
 from maurice_datasets.trials.plan import shipped_plans
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_viz.cli.app import COMMANDS, load
+from maurice_viz.cli.shared.values import KEYS
 from maurice_viz.layouts import LAYOUT_NAMES
 
 HEAVY = ("rerun", "matplotlib", "pandas", "jinja2", "av", "dask", "cv2.gapi")
@@ -73,8 +75,37 @@ def test_help_is_the_help_of_a_command():
         == (maurice("library", "check", "--help")[0].split("\n", 1)[1])
     )
     assert "did you mean the command compare" in failure("help", "compair")
-    shown = maurice("--help")[0]
-    assert all(one.what in " ".join(shown.split()) for one in COMMANDS.values())
+
+
+def test_the_first_page_fits_a_screen_and_leads_to_every_command():
+    first = maurice("--help")[0]
+    assert len(first.splitlines()) <= 30
+    assert (
+        first.index("  replay ") < first.index("  demo ") < first.index("Groups") < first.index("help more")
+    )
+    groups = {name.split()[0] for name in COMMANDS if " " in name}
+    pages = [first, maurice("help", "more")[0], *(maurice("help", group)[0] for group in groups)]
+    text = " ".join(" ".join(pages).split())
+    assert all(one.what in text for one in COMMANDS.values())
+    alone = {name: run(name, expect=2) for name in groups}  # without a word more: what it holds
+    assert all("Commands:" in done.stdout + done.stderr for done in alone.values())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_help_names_types_of_python(name):
+    shown = maurice(*name.split(), "--help")[0]
+    assert not re.findall(r"<[a-z\[\]A-Z ]+>|\{|x[<>]=|\b(?:str|int|float|list|Path)\b", shown)
+    assert shown.splitlines()[0].split("[OPTIONS]")[1].split() == [
+        (one.metavar or one.name.upper()) if one.required else f"[{one.metavar}]"
+        for one in load(COMMANDS[name]).params
+        if one.param_type_name == "argument"
+    ]
+
+
+def test_the_keys_of_reading_stand_on_one_page_of_the_help():
+    page = maurice("help", "reading")[0]
+    assert all(re.search(rf"^  {key}\b", page, re.MULTILINE) for key in KEYS)
+    assert "odometry_from_truth" not in maurice("replay", "--help")[0]
 
 
 def test_open_is_replay_of_what_was_made(small_session, tmp_path):

@@ -70,7 +70,7 @@ def test_shown_origins_and_keys(tmp_path):
 WRONG = {
     "[sensor]\nsharpnes = 1": ": sensor.sharpnes is not known; did you mean sensor.sharpness?",
     "[sensor]\nsharpness = -3": ": sensor.sharpness: found -3, expected a number from 0 to 10000",
-    "[sensor.weights]\ncolour = 1": ": sensor.weights: no channel called 'colour'; there are color, ",
+    "[sensor.weights]\ncolour = 1": ": sensor.weights: no channel called 'colour'; expected one of color, ",
     "[resampling]\nadaptive = 1": ": resampling.adaptive: found 1, expected true or false",
     "[resampling.kld]\nleast = 30000": ": resampling.kld.least: found 30000, expected at most ",
     "[motion]\nmodel = 'boat'": ": motion.model: found 'boat', expected one of maurice, odometry",

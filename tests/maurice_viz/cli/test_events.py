@@ -80,7 +80,7 @@ def test_kinds_choose_and_a_comparison_has_the_events_of_each_run(runs):
     assert [event.step for event in resampled.events] == [
         event["step"] for event in listed("kept", routine=True) if event["kind"] == "resampled"
     ]
-    with pytest.raises(InputError, match="there are failure, kidnapped, lights-changed"):
+    with pytest.raises(InputError, match="expected one of failure, kidnapped, lights-changed"):
         mv.events("kept", kinds=["b"])
     out, _ = maurice("inspect", "both")
     (line,) = [line for line in out.splitlines() if "carried away" in line]

@@ -68,7 +68,7 @@ def test_refusals(world, tmp_path):
     run("survey", expect=2)
     run("survey", "-o", "sheet.bmp", expect=2)
     out = ("-o", tmp_path / "x")
-    assert "there are office, twins, two-rooms" in failure("survey", "--world", "nowhere", *out)
+    assert "expected one of office, twins, two-rooms" in failure("survey", "--world", "nowhere", *out)
     world.write_text(SMALL.replace("spacing = 0.5", "spacing = 0.5, clearance = 1.5"), encoding="utf-8")
     assert "no node of the grid is free" in failure("survey", "--world", world, *out)
     assert not (tmp_path / "x").exists()
