@@ -24,6 +24,7 @@ WORLD = "/world"
 FLOORS = "/world/floors"
 BARE_FLOORS = "/world/floors-bare"  # without names and ruler, for small maps and close-ups
 WALLS = "/world/walls"
+SEPARATORS = "/world/separators"  # in every 2D view, one between every two layers: empty Points2D
 NODES = "/world/nodes"
 
 SEEN = "/session/**"  # everything that the runs of a recording share

@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from dataclasses import dataclass
+from enum import IntEnum, auto
 from typing import Any
 
 import cv2
@@ -83,6 +84,34 @@ STATES: dict[str, RGB] = {  # of lanes: dark green-gray, gray, magenta, red
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
+
+
+class Layer(IntEnum):
+    """Draw orders of all 2D views, from the lowest up. Labels are above all layers.
+
+    The viewer (0.41) sorts what a view has by draw order and gives each its place in that row as depth, one
+    unit of rounding (float32) apart. On Vulkan's software renderer two neighbors can fall on the same depth,
+    by the number of entities in the view: then a ground hides walls. So an empty entity stands between every
+    two layers, in every view (`panels.views.SEPARATED`).
+    """
+
+    GROUND = auto()  # floors, pictures, frames of drawings
+    OVERLAY = auto()  # pictures on a ground: likelihood, bars
+    WALLS = auto()
+    NODES = auto()
+    CIRCLES = auto()
+    PATHS = auto()  # of a whole drive
+    CLOUD = auto()
+    MARKS = auto()  # of sensors, in pictures and on maps; best references
+    TRAILS = auto()
+    OVALS = auto()  # ellipses, rings of modes, lines from estimates to the truth
+    TRUTH = auto()
+    CARRIED = auto()
+    ESTIMATE = auto()
+    EXPLAINED = auto()  # references that are explained, poses that are proposed
+    KEYS = auto()  # over the map, whose margin their last row reaches into, and ovals wider than the map
+    FRAME = auto()  # of a close-up: scale bar, and where the truth is
+
 
 FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero
 WEIGHT_OCTAVES = 3.0  # colors run from 1/8 of the average weight to 8 times it

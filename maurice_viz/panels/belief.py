@@ -25,6 +25,7 @@ from ..style import (
     RGB,
     RUN_COLORS,
     TRUTH,
+    Layer,
     Scale,
     faint,
     font_safe,
@@ -78,7 +79,7 @@ class CloudPanel(Panel):
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
     """Log that the cloud lies over the map and under the markers, static."""
-    rec.log(path, rr.Points2D.from_fields(draw_order=20.0), static=True)
+    rec.log(path, rr.Points2D.from_fields(draw_order=Layer.CLOUD), static=True)
 
 
 def draw_cloud(
@@ -122,7 +123,7 @@ class PoseMarker:
     path: str
     color: RGB
     radius: float  # in points of the screen
-    order: float
+    layer: Layer
     scale: Scale
     arrow: float  # length in display units
     # whether a line begins there, and the place
@@ -130,10 +131,10 @@ class PoseMarker:
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, [self.color]
-        disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.order)
-        arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.order)
+        disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.layer)
+        arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.layer)
         trail_color = [faint(self.color)]
-        trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=self.order - 5)
+        trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=Layer.TRAILS)
         rec.log(self.path, disk, arrow, trail, static=True)
 
     def draw(self, rec: rr.RecordingStream, pose: F64, jumped: bool = False) -> None:
@@ -162,12 +163,12 @@ _NO_POSE = LogRow(row_of(rr.Points2D, positions=points_of([])) | _arrows([], [])
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     """Return the marker of the true pose: white and larger, so that it is visible under the estimate."""
-    return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW_SHARE * long_side(arena, scale))
+    return PoseMarker(path, TRUTH, 6.0, Layer.TRUTH, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLORS[0]) -> PoseMarker:
     """Return the marker of an estimate, in its run's color."""
-    return PoseMarker(path, color, 4.5, 50.0, scale, ARROW_SHARE * long_side(arena, scale))
+    return PoseMarker(path, color, 4.5, Layer.ESTIMATE, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 NAME_ABOVE, NAME_ROW = 0.08, 0.055  # of the arena's long side: a name above its estimate, and the next run's
@@ -190,7 +191,7 @@ class EstimatePanel(Panel):
             radii=rr.components.Radius.ui_points(0.0),
             labels=[font_safe(self._run.label)],
             show_labels=True,
-            draw_order=55.0,
+            draw_order=Layer.FRAME,
         )
         rec.log(self._paths.name, name, static=True)
 
@@ -224,7 +225,7 @@ class EllipsesPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points(1.0)
-        lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=46.0)
+        lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=Layer.OVALS)
         rec.log(self._path, lines, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -286,12 +287,16 @@ class CloseupFrame:
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change."""
         radius = rr.components.Radius.ui_points
-        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=70.0)
+        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=Layer.FRAME)
         rec.log(f"{self._path}/bar", lines, static=True)
         # no labels yet: static ones would hide all later ones
-        style = rr.Points2D.from_fields(colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=70.0)
+        style = rr.Points2D.from_fields(
+            colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=Layer.FRAME
+        )
         rec.log(f"{self._path}/length", style, static=True)
-        away = rr.Arrows2D.from_fields(colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=80.0)
+        away = rr.Arrows2D.from_fields(
+            colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=Layer.FRAME
+        )
         rec.log(f"{self._path}/away", away, static=True)
 
     def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:

@@ -94,18 +94,20 @@ class ExplanationPanel(Panel):
         for part in ("table", "words"):
             rec.log(self._paths.explain(part), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         colors = colors_of(self._run.color)
-        prepare_jpeg(rec, self._edges, order=-10.0)
+        prepare_jpeg(rec, self._edges)
         draw_name(rec, self._camera, SEES, CARD_PX, look.TRUTH, NARROW)
         for who in whose:
-            prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
+            prepare_jpeg(rec, self._paths.explain("card", who))
             draw_name(rec, self._paths.explain("card", who), NAMES[who], CARD_PX, colors[who], NARROW)
-            chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
+            chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=look.Layer.GROUND)
             rec.log(self._paths.explain("chart", who), chart, static=True)
         key = rr.EncodedImage(contents=png(draw_chart_key()), media_type="image/png")
         rec.log(self._paths.explain("key"), key, static=True)
         arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
         thick = rr.components.Radius.ui_points(ARROW_PT[-len(arrows) :])
-        style = rr.Arrows2D.from_fields(colors=[colors[who] for who in arrows], radii=thick, draw_order=60.0)
+        style = rr.Arrows2D.from_fields(
+            colors=[colors[who] for who in arrows], radii=thick, draw_order=look.Layer.EXPLAINED
+        )
         rec.log(self._paths.explain("marks"), style, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:

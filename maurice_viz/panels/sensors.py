@@ -52,6 +52,7 @@ from ..style import (
     TRUTH,
     UNMAPPED,
     WALL,
+    Layer,
     Scale,
     font_safe,
     packed,
@@ -60,7 +61,7 @@ from ..text.explanation_table import say_shown
 from .belief import run_key
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
-from .views import MAP, map_view
+from .views import MAP, SEPARATED, map_view
 
 ON_MAP, IN_SPACE = "map", "space"  # the views of marks in the map's frame
 POINT_PT, SMALL_POINT_PT, STROKE_PT = 3.0, 1.5, 1.0  # ui points
@@ -94,7 +95,7 @@ class SensorsPanel(Panel):
             text = rr.TextDocument.from_fields(media_type=MARKDOWN)
             rec.log(self._paths.sensor(name, "words"), text, static=True)
             for title in titles_of(sensor):
-                prepare_jpeg(rec, self._paths.sensor(name, slug(title)), order=-10.0)
+                prepare_jpeg(rec, self._paths.sensor(name, slug(title)))
             if in_space(sensor):
                 draw_room(rec, self._paths.sensor(name, IN_SPACE), self._library.arena, self._scale)
 
@@ -190,7 +191,7 @@ class DrawnMarks:
             size = STROKE_PT if not kind[0] else POINT_PT if is_large else SMALL_POINT_PT
             look = {"colors": colors_of(self._colors(shown_marks)), "radii": ui_points_of([size])}
             if kind[1]:
-                look["draw_order"] = floats_of([30.0 if shown_marks.of is None else 40.0])
+                look["draw_order"] = floats_of([Layer.MARKS if shown_marks.of is None else Layer.TRUTH])
             archetype, values, values_of = MARK_KINDS[kind]
             rec.log(path, row_of(archetype, **{values: values_of(strips)}, **look))
 
@@ -270,11 +271,13 @@ def sensor_words_view(paths: RunPaths, name: str) -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name=f"{name.capitalize()} in words", origin=paths.sensor(name, "words"))
 
 
-def sensor_picture_views(run: RunView, name: str) -> list[rrb.Spatial2DView]:
+def sensor_picture_views(run: RunView, sensor: str) -> list[rrb.Spatial2DView]:
     """Show the pictures of a sensor, with its marks."""
-    titles = () if run.sensor is None else titles_of(run.sensor.sensors[name])
+    titles = () if run.sensor is None else titles_of(run.sensor.sensors[sensor])
     views = []
     for title in titles:
-        path = run.paths.sensor(name, slug(title))
-        views.append(rrb.Spatial2DView(name=title.partition(":")[0], origin=path, background=GROUND))
+        path = run.paths.sensor(sensor, slug(title))
+        contents = [f"{path}/**", SEPARATED]
+        name = title.partition(":")[0]
+        views.append(rrb.Spatial2DView(name=name, origin=path, contents=contents, background=GROUND))
     return views

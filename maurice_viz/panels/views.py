@@ -14,12 +14,13 @@ from maurice_mcl.values import U8
 
 from ..drawing.canvas import Extent, map_extent
 from ..drawing.keys import extent_with
-from ..entities import BARE_FLOORS, FLOORS, STEP, WALLS
+from ..entities import BARE_FLOORS, FLOORS, SEPARATORS, STEP, WALLS
 from ..scene import RunView, Scene
 from ..style import CLOUD, GROUND
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
+SEPARATED = f"{SEPARATORS}/**"  # which makes layers separate in a view
 MAP = (FLOORS, WALLS)
 BARE_MAP = (BARE_FLOORS, WALLS)  # without names and ruler: under colors, and small, they are hard to read
 SHADED = 3  # steps from the one to look at
@@ -48,13 +49,14 @@ def plane_view(
     overrides: Overrides | None = None,
     origin: str = "/",
 ) -> rrb.Spatial2DView:
-    """Show some entities in a part of the plane, all of it visible."""
+    """Show some entities in a part of the plane, all of it visible, layer over layer."""
+    shown = [contents] if isinstance(contents, str) else contents
     x_range, y_range = (extent.left, extent.right), (extent.top, extent.bottom)
     bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
         name=name,
         origin=origin,
-        contents=contents,
+        contents=[*shown, SEPARATED],
         background=GROUND,
         overrides=overrides,
         visual_bounds=bounds,

@@ -13,7 +13,7 @@ from ...drawing.arrow import points_of, row_of, text_of
 from ...drawing.scan import draw_ranges, draw_scan_on_map
 from ...entities import Phase, RunPaths
 from ...scene import RunView, Scene
-from ...style import RANK, TRUTH
+from ...style import RANK, TRUTH, Layer
 from ...text.laser.scan import scan_table, scan_words
 from ..camera import named_view
 from ..panel import MARKDOWN, Panel, StepUpdate, joined_labels, set_phase
@@ -37,7 +37,9 @@ class ScanExplanationPanel(Panel):
             prepare_scan(rec, self._paths.explain("ranges", name), f"ranges at the {name}", color)
         prepare_scan(rec, self._paths.explain("scan", "truth"), "at the truth", TRUTH)
         points = rr.components.Radius.ui_points(5.0)
-        modes = rr.Points2D.from_fields(colors=[RANK], radii=points, show_labels=True, draw_order=65.0)
+        modes = rr.Points2D.from_fields(
+            colors=[RANK], radii=points, show_labels=True, draw_order=Layer.EXPLAINED
+        )
         rec.log(self._paths.explain("proposed"), modes, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
