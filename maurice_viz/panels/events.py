@@ -5,7 +5,8 @@ all lanes of a view are one entity. It has no names for them: those are the stat
 in a narrow view to the left, in the color of each run.
 
 A state lasts until the next one, an event as long as it is reported: one step, or several in a row. What is
-too narrow for its word has it on the ground after it, where there is room until the next event.
+too narrow for its word has it on the ground after it, where there is room until the next event. A
+kidnapping has a color of its own, and its word begins right after it: events of the next steps join it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from maurice_mcl.values import F64, first_word
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import FRESH, GROUND, LOST, MISSING, PALE, RGB, STATES, font_safe, packed
+from ..style import CARRIED, FRESH, GROUND, LOST, MISSING, PALE, RGB, STATES, font_safe, packed
 from ..text.causes import say_state
 from ..text.comparison import BRANCH, closest
 from ..text.phases import summary
@@ -113,6 +114,7 @@ LANE_PX, ABOVE_PX = 23, 48  # of a lane, and of time axis and path above the lan
 
 BEFORE_THE_END = 1  # steps of a run that the viewer may leave out at the right
 
+ROOM_STEPS = 3  # after a grave event: others there have no marks, their words stand with its own
 MOST_NAMES = 64  # of what begins in the lanes; a denser drive has no room for words
 TONES: Mapping[str, RGB] = {  # of what was noticed in a run; what happened to the robot is pale
     kinds.GRAVE: STATES[kinds.LOST],
@@ -136,12 +138,25 @@ class Look:
         """The word of an event on the ground, to follow it."""
         return Look(self.word, GROUND, follows=True)
 
+    @property
+    def is_grave(self) -> bool:
+        """Whether its word goes before those of other events."""
+        return self.is_mark and self.color == CARRIED
+
     def within(self, width_px: float) -> Look:
         """Return it with what so much room holds of its word: "lost" of "lost: carried away", or nothing."""
-        for word in (self.word, self.word.split(":")[0]):
-            if len(word) * LETTER_PX + AROUND_PX <= width_px:
-                return replace(self, word=word)
-        return replace(self, word="")
+        return replace(self, word=_fitting([self.word], width_px))
+
+
+def _fitting(words: Sequence[str], width_px: float) -> str:
+    """Return as many words, from the first on, as so much room holds, else what is before their colons."""
+    words = [*dict.fromkeys(words)]
+    for count in range(len(words), 0, -1):
+        for some in (words[:count], [word.split(":")[0] for word in words[:count]]):
+            text = ", ".join(some)
+            if len(text) * LETTER_PX + AROUND_PX <= width_px:
+                return text
+    return ""
 
 
 NOTHING = Look("", GROUND)
@@ -163,6 +178,17 @@ class _Change:
     step: int
     name: str  # under which it is logged; its word and color are told at the end
     look: Look
+    joined: list[Look] = field(default_factory=list)  # events whose words follow with that of a grave one
+
+
+def _joins(look: Look, step: int, changes: Sequence[_Change]) -> bool:
+    """Return whether an event, with no step between, follows a grave one, whose word needs the room."""
+    if not look.is_mark or look.is_grave:
+        return False
+    grave = next((change for change in reversed(changes) if not change.look.follows), None)
+    if grave is None or not grave.look.is_grave or step > grave.step + ROOM_STEPS:
+        return False
+    return step == grave.step + 1 + (len(changes[-1].joined) if changes[-1].look.follows else 0)
 
 
 class Lanes:
@@ -185,10 +211,14 @@ class Lanes:
         before = [changes[-1] if changes else _Change(step, "", NOTHING) for changes in self._changes]
         is_first = not any(self._changes)
         for changes, last, look in zip(self._changes, before, looks, strict=True):
+            joined = [look] if _joins(look, step, changes) else []
+            look = NOTHING if joined else look
             if look is NOTHING and (last.look.is_mark or last.look.follows):
                 look = last.look.after  # after an event its word follows
             if look != last.look:
                 changes.append(_Change(step, self._name(rec, look), look))
+            if joined:
+                changes[-1].joined += joined
         now = [changes[-1] if changes else last for changes, last in zip(self._changes, before, strict=True)]
         if any(change is not last for change, last in zip(now, before, strict=True)):
             set_place(rec, step, time_s, Phase.PREDICT)
@@ -228,13 +258,15 @@ class Lanes:
         for changes in self._changes:
             end_of_last = steps - BEFORE_THE_END if steps > BEFORE_THE_END else steps + 1
             ends = [*(change.step for change in changes[1:]), end_of_last][: len(changes)]
-            untold: list[str] = []  # words of the events before that have no room themselves
+            untold: list[Look] = []  # events before that have no room for their words themselves
             for change, end in zip(changes, ends, strict=True):
-                look = change.look
+                look, width = change.look, (end - change.step) * step_px
                 if look.follows:
-                    look = replace(look, word=", ".join(dict.fromkeys(untold)))
-                look = look.within((end - change.step) * step_px)
-                untold = [*untold, change.look.word] if look.is_mark and not look.word else []
+                    events = sorted([*untold, *change.joined], key=lambda event: not event.is_grave)
+                    look = replace(look, word=_fitting([event.word for event in events], width))
+                else:
+                    look = look.within(width)
+                untold = [*untold, change.look] if look.is_mark and not look.word else []
                 if change.name in self._looks:
                     self._looks[change.name] = look
         _describe(rec, self._path, self._looks)
@@ -337,7 +369,8 @@ def gravest(update: StepUpdate, lane: str) -> Look:
     for event in update.events:  # in the order of KINDS, the gravest first
         kind = KINDS[event.kind]
         if lane in kind.lanes and not event.is_routine:
-            return look_of_event(name_of(event), PALE if lane == kinds.OF_LOG else TONES.get(kind.tone, PALE))
+            tone = PALE if lane == kinds.OF_LOG else TONES.get(kind.tone, PALE)
+            return look_of_event(name_of(event), CARRIED if event.kind == kinds.KIDNAPPED else tone)
     return NOTHING
 
 

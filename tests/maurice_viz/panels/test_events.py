@@ -20,8 +20,8 @@ from maurice_viz.panels import events as draw_events
 from maurice_viz.panels.events import MOST_NAMES, NAMES, NOTHING, SHARED, LanesDrawing, own_path
 from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.scene import RunView, Scene, numbered
+from maurice_viz.style import CARRIED, GROUND, PALE, font_safe, packed
 from maurice_viz.style import STATES as STATE_COLORS
-from maurice_viz.style import font_safe, packed
 from maurice_viz.viewer import sinks
 
 LABELS = ("blended", "color")
@@ -170,6 +170,42 @@ def test_the_log_says_how_far_a_robot_was_carried(tmp_path):
     assert words[1].startswith("kidnapped: carried ")
     assert words[-1] == "bump"
     assert lane_of(path, 0, SHARED) == lane_of(path, LOG)
+
+
+def colors_of(path: Path, lane: int) -> dict[int | None, int]:
+    """Return the colors of a lane of the first run, by the step at which each begins."""
+    style = recordings.static(path, OWN)
+    colors = dict(zip(style["StateConfiguration:values"], style["StateConfiguration:colors"], strict=True))
+    rows = recordings.having(recordings.rows(path, OWN), "StateChange:state")
+    return {row.step: colors.get(row.values["StateChange:state"][lane], 0) for row in rows}
+
+
+def test_a_kidnapping_is_seen_among_other_events_and_its_word_begins_right_after_it(tmp_path):
+    """As in a drive by hand: the robot bumps, is carried away, and is driven on at once."""
+    steps: list[Step] = [("localized", []) for _ in range(40)]
+    for row, text in enumerate(["slip", "bump"], start=9):
+        steps[row] = ("localized", [("session", text)])
+    steps[11] = ("lost", [("kidnapped", "the robot was carried away")])
+    for row, text in enumerate(["teleoperation", "slip"], start=12):
+        steps[row] = ("lost" if row > 12 else "searching", [("session", text)])
+    path = drawn(tmp_path / "a.rrd", steps)
+    words = {step: word for step, word in lane_of(path, LOG) if word.strip()}
+    assert [*words] == [13]  # the events of steps 13 and 14 have no marks
+    assert words[13].startswith("kidnapped: carried ")
+    colors = colors_of(path, LOG)
+    assert colors[12] == packed(CARRIED)
+    assert colors[10] == colors[11] == packed(PALE)
+    assert colors[13] == packed(GROUND)
+    assert lane_of(path, 0, SHARED) == lane_of(path, LOG)
+
+
+def test_where_not_all_words_have_room_the_gravest_stays(tmp_path):
+    steps: list[Step] = [("localized", []) for _ in range(100)]
+    steps[49] = ("localized", [("session", "branch with preset robust")])
+    steps[50] = ("localized", [("kidnapped", "the robot was carried away")])
+    steps[60] = ("localized", [("session", "slip")])
+    path = drawn(tmp_path / "a.rrd", steps)
+    assert (52, "kidnapped") in lane_of(path, LOG)
 
 
 def test_where_the_whole_word_has_no_room_its_first_part_may_have(tmp_path):
