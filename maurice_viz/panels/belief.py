@@ -133,8 +133,8 @@ class PoseMarker:
         points, color = rr.components.Radius.ui_points, [self.color]
         disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.layer)
         arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.layer)
-        trail_color = [faint(self.color)]
-        trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=Layer.TRAILS)
+        order, trail_color = Layer.TRAILS + 0.01 * self.layer, [faint(self.color)]  # the truth's below
+        trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=order)
         rec.log(self.path, disk, arrow, trail, static=True)
 
     def draw(self, rec: rr.RecordingStream, pose: F64, jumped: bool = False) -> None:
@@ -286,17 +286,13 @@ class CloseupFrame:
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change."""
-        radius = rr.components.Radius.ui_points
-        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=Layer.FRAME)
+        radius, layer = rr.components.Radius.ui_points, Layer.FRAME
+        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=layer)
         rec.log(f"{self._path}/bar", lines, static=True)
         # no labels yet: static ones would hide all later ones
-        style = rr.Points2D.from_fields(
-            colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=Layer.FRAME
-        )
+        style = rr.Points2D.from_fields(colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=layer)
         rec.log(f"{self._path}/length", style, static=True)
-        away = rr.Arrows2D.from_fields(
-            colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=Layer.FRAME
-        )
+        away = rr.Arrows2D.from_fields(colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=layer)
         rec.log(f"{self._path}/away", away, static=True)
 
     def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:
