@@ -144,16 +144,11 @@ class InsidePanel(Panel):
             rec.log(f"{side}/truth", name, arrow, static=True)
         for side in (BEFORE, AFTER):
             caption = rr.Points2D.from_fields(
-                positions=[CAPTION_AT],
-                colors=[PALE],
-                radii=points(0.0),
-                show_labels=True,
-                draw_order=Layer.FRAME,
+                positions=[CAPTION_AT], colors=[PALE], radii=points(0.0), show_labels=True
             )
             rec.log(caption_of(self._paths, side), caption, static=True)
-        best = rr.Points2D.from_fields(
-            colors=[RANK], radii=points(4.0), show_labels=True, draw_order=Layer.MARKS
-        )
+        marks = Layer.MARKS
+        best = rr.Points2D.from_fields(colors=[RANK], radii=points(4.0), show_labels=True, draw_order=marks)
         rec.log(self._best, best, static=True)
         answer = rr.Points2D.from_fields(colors=[color], radii=points(6.0), draw_order=Layer.ESTIMATE)
         oval = rr.LineStrips2D.from_fields(
@@ -362,9 +357,8 @@ class PhasesPanel(Panel):
         box, is_laser = (STRIP_PX - 2 * GAP_PX, BOX_PX - 2 * GAP_PX), self._run.sees_alone
         boxes = np.concatenate([_framed(blank(*box, EMPTY)) for _ in Phase], axis=1)
         place_drawing(rec, f"{PHASES}/boxes", boxes, (0, 0), 1.0, Layer.GROUND)
-        place_drawing(
-            rec, f"{PHASES}/mark/box", blank(*box, PHASE_MARK), (GAP_PX, GAP_PX), 1.0, Layer.OVERLAY
-        )
+        mark = blank(*box, PHASE_MARK)
+        place_drawing(rec, f"{PHASES}/mark/box", mark, (GAP_PX, GAP_PX), 1.0, Layer.OVERLAY)
         for name, top, words in (
             ("names", NAME_TOP, [f"{phase + 1} {phase.name.lower()}" for phase in Phase]),
             ("does", DOES_TOP, [of_scans(DOES[phase]) if is_laser else DOES[phase] for phase in Phase]),
