@@ -86,7 +86,7 @@ RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64),
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
 
 
-class Layer(IntEnum):
+class Order(IntEnum):
     """Draw orders of all 2D views, from the lowest up. Labels are above all layers.
 
     The viewer (0.41) sorts what a view has by draw order and gives each its place in that row as depth, one

@@ -25,7 +25,7 @@ from ..style import (
     RGB,
     RUN_COLORS,
     TRUTH,
-    Layer,
+    Order,
     Scale,
     faint,
     font_safe,
@@ -79,7 +79,7 @@ class CloudPanel(Panel):
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
     """Log that the cloud lies over the map and under the markers, static."""
-    rec.log(path, rr.Points2D.from_fields(draw_order=Layer.CLOUD), static=True)
+    rec.log(path, rr.Points2D.from_fields(draw_order=Order.CLOUD), static=True)
 
 
 def draw_cloud(
@@ -123,7 +123,7 @@ class PoseMarker:
     path: str
     color: RGB
     radius: float  # in points of the screen
-    layer: Layer
+    order: Order
     scale: Scale
     arrow: float  # length in display units
     # whether a line begins there, and the place
@@ -131,9 +131,9 @@ class PoseMarker:
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, [self.color]
-        disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.layer)
-        arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.layer)
-        order, trail_color = Layer.TRAILS + 0.01 * self.layer, [faint(self.color)]  # the truth's below
+        disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.order)
+        arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.order)
+        order, trail_color = Order.TRAILS + 0.01 * self.order, [faint(self.color)]  # the truth's below
         trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=order)
         rec.log(self.path, disk, arrow, trail, static=True)
 
@@ -163,12 +163,12 @@ _NO_POSE = LogRow(row_of(rr.Points2D, positions=points_of([])) | _arrows([], [])
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     """Return the marker of the true pose: white and larger, so that it is visible under the estimate."""
-    return PoseMarker(path, TRUTH, 6.0, Layer.TRUTH, scale, ARROW_SHARE * long_side(arena, scale))
+    return PoseMarker(path, TRUTH, 6.0, Order.TRUTH, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLORS[0]) -> PoseMarker:
     """Return the marker of an estimate, in its run's color."""
-    return PoseMarker(path, color, 4.5, Layer.ESTIMATE, scale, ARROW_SHARE * long_side(arena, scale))
+    return PoseMarker(path, color, 4.5, Order.ESTIMATE, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 NAME_ABOVE, NAME_ROW = 0.08, 0.055  # of the arena's long side: a name above its estimate, and the next run's
@@ -191,7 +191,7 @@ class EstimatePanel(Panel):
             radii=rr.components.Radius.ui_points(0.0),
             labels=[font_safe(self._run.label)],
             show_labels=True,
-            draw_order=Layer.FRAME,
+            draw_order=Order.FRAME,
         )
         rec.log(self._paths.name, name, static=True)
 
@@ -225,7 +225,7 @@ class EllipsesPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points(1.0)
-        lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=Layer.OVALS)
+        lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=Order.OVALS)
         rec.log(self._path, lines, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -286,13 +286,13 @@ class CloseupFrame:
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change."""
-        radius, layer = rr.components.Radius.ui_points, Layer.FRAME
-        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=layer)
+        radius, order = rr.components.Radius.ui_points, Order.FRAME
+        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=order)
         rec.log(f"{self._path}/bar", lines, static=True)
         # no labels yet: static ones would hide all later ones
-        style = rr.Points2D.from_fields(colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=layer)
+        style = rr.Points2D.from_fields(colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=order)
         rec.log(f"{self._path}/length", style, static=True)
-        away = rr.Arrows2D.from_fields(colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=layer)
+        away = rr.Arrows2D.from_fields(colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=order)
         rec.log(f"{self._path}/away", away, static=True)
 
     def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:

@@ -14,7 +14,7 @@ from ..drawing.arrow import blob_of, row_of
 from ..drawing.canvas import EDGE_GAIN, jpeg, put_text
 from ..entities import Phase
 from ..scene import RunView
-from ..style import GROUND, MISSING, PALE, RGB, TRUTH, Layer, font_safe
+from ..style import GROUND, MISSING, PALE, RGB, TRUTH, Order, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import picture_view
 
@@ -69,7 +69,7 @@ def named_view(name: str, path: str) -> rrb.Spatial2DView:
 
 def prepare_jpeg(rec: rr.RecordingStream, path: str) -> None:
     """Log the media type, static."""
-    kind = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=Layer.GROUND)
+    kind = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=Order.GROUND)
     rec.log(path, kind, static=True)
 
 
@@ -92,7 +92,7 @@ class CaptionedPicture:
             (self.path, "image/jpeg", [left, top, 0]),
             (f"{self.path}/caption", "image/png", [0, self.height, 0]),
         ):
-            picture = rr.EncodedImage.from_fields(media_type=kind, draw_order=Layer.GROUND)
+            picture = rr.EncodedImage.from_fields(media_type=kind, draw_order=Order.GROUND)
             rec.log(path, picture, rr.Transform3D(translation=at), static=True)
 
     def draw(self, rec: rr.RecordingStream, picture: bytes, caption: bytes) -> None:

@@ -18,7 +18,7 @@ from ..drawing.histogram_row import CELLS_PX, HIGH_PX, KEY_PX, TITLE_PX, Cell, c
 from ..entities import BARE_FLOORS, COMPARE_CLOSEUP, WALLS, Phase, bars_of, gap_of
 from ..playback import RunResult
 from ..scene import RunView, Scene
-from ..style import PALE, PICTURE, REFERENCE, TRUTH, Layer, font_safe
+from ..style import PALE, PICTURE, REFERENCE, TRUTH, Order, font_safe
 from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words, unweighed_words
 from ..text.phases import of_scans
 from .belief import CloseupFrame, frame_marks, sample, truth_marker
@@ -108,16 +108,16 @@ class ComparisonDrawing:
 
     def _prepare_run(self, run: RunView) -> None:
         label, points, rec = run.label, rr.components.Radius.ui_points, self._rec
-        dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT_PT), draw_order=Layer.CLOUD)
+        dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT_PT), draw_order=Order.CLOUD)
         rec.log(self._clouds[label], dots, static=True)
-        gap = rr.LineStrips2D.from_fields(colors=[TRUTH], radii=points(0.8), draw_order=Layer.OVALS)
+        gap = rr.LineStrips2D.from_fields(colors=[TRUTH], radii=points(0.8), draw_order=Order.OVALS)
         rec.log(gap_of(label), gap, static=True)
         name = rr.Points2D.from_fields(
             positions=[(NAMES_LEFT, NAMES_TOP + run.number * NAME_ROW)],
             colors=[run.color],
             radii=points(0.0),
             show_labels=True,
-            draw_order=Layer.FRAME,
+            draw_order=Order.FRAME,
         )
         rec.log(_name_of(run), name, static=True)
         if label in self._truths:
@@ -130,7 +130,7 @@ class ComparisonDrawing:
     def _prepare_bars(self, run: RunView, cells: list[Cell]) -> None:
         """Log where the histograms of a run stand, the titles of its cells, and its key."""
         self._cells[run.label] = cells
-        row = rr.EncodedImage.from_fields(media_type="image/png", draw_order=Layer.OVERLAY)
+        row = rr.EncodedImage.from_fields(media_type="image/png", draw_order=Order.OVERLAY)
         self._rec.log(bars_of(run.label, "row"), row, rr.Transform3D(translation=[KEY_PX, 0, 0]), static=True)
         wide = cell_px(len(cells))
         places = [(KEY_PX + wide * (number + 0.46), -TITLE_PX) for number in range(len(cells))]

@@ -21,7 +21,7 @@ from maurice_mcl.values.session import Moment, SessionInfo
 
 from .. import entities, style
 from ..drawing.canvas import Extent, brightened, jpeg, long_side, map_extent
-from ..style import BAR, RGB, TRUTH, Layer, Scale, font_safe, scale_for
+from ..style import BAR, RGB, TRUTH, Order, Scale, font_safe, scale_for
 from ..text.phases import motion as said_motion
 from .belief import ARROW_SHARE, estimate_marker, truth_marker
 from .camera import CAMERA_QUALITY, draw_jpeg, prepare_jpeg
@@ -152,7 +152,7 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     for name, points, color in (("odometry", paths.measured, style.ODOMETRY), ("truth", paths.true, TRUTH)):
         if len(points):
             thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT_ALPHA)]
-            line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=Layer.PATHS)
+            line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=Order.PATHS)
             rec.log(f"{PATHS}/{name}", line, static=True)
     for path, color in LINE_COLORS.items():
         rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)

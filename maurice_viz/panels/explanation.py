@@ -99,14 +99,14 @@ class ExplanationPanel(Panel):
         for who in whose:
             prepare_jpeg(rec, self._paths.explain("card", who))
             draw_name(rec, self._paths.explain("card", who), NAMES[who], CARD_PX, colors[who], NARROW)
-            chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=look.Layer.GROUND)
+            chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=look.Order.GROUND)
             rec.log(self._paths.explain("chart", who), chart, static=True)
         key = rr.EncodedImage(contents=png(draw_chart_key()), media_type="image/png")
         rec.log(self._paths.explain("key"), key, static=True)
         arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
         thick = rr.components.Radius.ui_points(ARROW_PT[-len(arrows) :])
         style = rr.Arrows2D.from_fields(
-            colors=[colors[who] for who in arrows], radii=thick, draw_order=look.Layer.EXPLAINED
+            colors=[colors[who] for who in arrows], radii=thick, draw_order=look.Order.EXPLAINED
         )
         rec.log(self._paths.explain("marks"), style, static=True)
 

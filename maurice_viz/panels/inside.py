@@ -44,7 +44,7 @@ from ..style import (
     RGB,
     SETTLED,
     TRUTH,
-    Layer,
+    Order,
     font_safe,
     heading_vector,
     packed,
@@ -136,23 +136,23 @@ class InsidePanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, self._run.color
         for side in (self._before, self._after):
-            rec.log(side, rr.Points2D.from_fields(draw_order=Layer.CLOUD), static=True)
+            rec.log(side, rr.Points2D.from_fields(draw_order=Order.CLOUD), static=True)
             name = rr.Points2D.from_fields(
-                colors=[TRUTH], radii=points(6.0), labels=["truth"], show_labels=True, draw_order=Layer.TRUTH
+                colors=[TRUTH], radii=points(6.0), labels=["truth"], show_labels=True, draw_order=Order.TRUTH
             )
-            arrow = rr.Arrows2D.from_fields(colors=[TRUTH], radii=points(1.75), draw_order=Layer.TRUTH)
+            arrow = rr.Arrows2D.from_fields(colors=[TRUTH], radii=points(1.75), draw_order=Order.TRUTH)
             rec.log(f"{side}/truth", name, arrow, static=True)
         for side in (BEFORE, AFTER):
             caption = rr.Points2D.from_fields(
                 positions=[CAPTION_AT], colors=[PALE], radii=points(0.0), show_labels=True
             )
             rec.log(caption_of(self._paths, side), caption, static=True)
-        marks = Layer.MARKS
+        marks = Order.MARKS
         best = rr.Points2D.from_fields(colors=[RANK], radii=points(4.0), show_labels=True, draw_order=marks)
         rec.log(self._best, best, static=True)
-        answer = rr.Points2D.from_fields(colors=[color], radii=points(6.0), draw_order=Layer.ESTIMATE)
+        answer = rr.Points2D.from_fields(colors=[color], radii=points(6.0), draw_order=Order.ESTIMATE)
         oval = rr.LineStrips2D.from_fields(
-            colors=[color, TRUTH], radii=points([1.5, 0.8]), draw_order=Layer.OVALS
+            colors=[color, TRUTH], radii=points([1.5, 0.8]), draw_order=Order.OVALS
         )
         rec.log(self._answer, answer, oval, static=True)
         words = rr.TextDocument.from_fields(media_type=MARKDOWN)
@@ -356,9 +356,9 @@ class PhasesPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         box, is_laser = (STRIP_PX - 2 * GAP_PX, BOX_PX - 2 * GAP_PX), self._run.sees_alone
         boxes = np.concatenate([_framed(blank(*box, EMPTY)) for _ in Phase], axis=1)
-        place_drawing(rec, f"{PHASES}/boxes", boxes, (0, 0), 1.0, Layer.GROUND)
+        place_drawing(rec, f"{PHASES}/boxes", boxes, (0, 0), 1.0, Order.GROUND)
         mark = blank(*box, PHASE_MARK)
-        place_drawing(rec, f"{PHASES}/mark/box", mark, (GAP_PX, GAP_PX), 1.0, Layer.OVERLAY)
+        place_drawing(rec, f"{PHASES}/mark/box", mark, (GAP_PX, GAP_PX), 1.0, Order.OVERLAY)
         for name, top, words in (
             ("names", NAME_TOP, [f"{phase + 1} {phase.name.lower()}" for phase in Phase]),
             ("does", DOES_TOP, [of_scans(DOES[phase]) if is_laser else DOES[phase] for phase in Phase]),

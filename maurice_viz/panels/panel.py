@@ -21,7 +21,7 @@ from maurice_mcl.values import F32, U8, Moment, StepRecord
 from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, phase_number
 from ..scene import RunView, Scene
-from ..style import Layer
+from ..style import Order
 
 MARKDOWN = "text/markdown"
 
@@ -107,8 +107,8 @@ def set_step_only(rec: rr.RecordingStream, moment: Moment) -> None:
 
 
 def place_drawing(
-    rec: rr.RecordingStream, path: str, image: U8, corner: tuple[float, float], scale: float, layer: Layer
+    rec: rr.RecordingStream, path: str, image: U8, corner: tuple[float, float], scale: float, order: Order
 ) -> None:
     """Log a drawing (H, W, 3), static, with its upper left corner there and its pixels this large."""
-    picture = rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=layer)
+    picture = rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=order)
     rec.log(path, picture, rr.Transform3D(translation=[*corner, 0], scale=scale), static=True)

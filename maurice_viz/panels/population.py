@@ -20,7 +20,7 @@ from ..drawing.canvas import Extent, put_text, text_size
 from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
 from ..scene import Scene
-from ..style import Layer, Scale, heading_vector
+from ..style import Order, Scale, heading_vector
 from .belief import copies_of
 from .panel import Panel, StepUpdate, joined_labels, place_drawing, set_phase, set_phase_only
 from .views import plane_view
@@ -41,11 +41,11 @@ class HeadingsPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points
         path, drawing = self._paths.headings, rim(self._scene.has_truth, self._run.color)
-        place_drawing(rec, f"{path}/rim", drawing, (-ROSE_REACH, -ROSE_REACH), 1 / RIM_PX, Layer.GROUND)
+        place_drawing(rec, f"{path}/rim", drawing, (-ROSE_REACH, -ROSE_REACH), 1 / RIM_PX, Order.GROUND)
         shape = rr.LineStrips2D.from_fields(
-            colors=[style.HEADINGS], radii=radius(1.25), draw_order=Layer.MARKS
+            colors=[style.HEADINGS], radii=radius(1.25), draw_order=Order.MARKS
         )
-        arrows = rr.Arrows2D.from_fields(draw_order=Layer.ESTIMATE, radii=radius([1.75, 2.5]))
+        arrows = rr.Arrows2D.from_fields(draw_order=Order.ESTIMATE, radii=radius([1.75, 2.5]))
         rec.log(path, shape, arrows, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -137,7 +137,7 @@ class ModesPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         width = rr.components.Radius.ui_points(RING_PT)
-        rings = rr.LineStrips2D.from_fields(radii=width, draw_order=Layer.OVALS, show_labels=True)
+        rings = rr.LineStrips2D.from_fields(radii=width, draw_order=Order.OVALS, show_labels=True)
         rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -220,7 +220,7 @@ class WeightBarsPanel(Panel):
     """Draws the bars of the moved, the weighted and the resampled cloud."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        bars = rr.EncodedImage.from_fields(media_type="image/png", draw_order=Layer.OVERLAY)
+        bars = rr.EncodedImage.from_fields(media_type="image/png", draw_order=Order.OVERLAY)
         rec.log(self._paths.inside("bars"), bars, rr.Transform3D(translation=[0, -HEIGHT_PX, 0]), static=True)
         labels = rr.Points2D.from_fields(radii=rr.components.Radius.ui_points(0.0), show_labels=True)
         rec.log(self._paths.inside("values"), labels, static=True)

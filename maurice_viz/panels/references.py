@@ -31,7 +31,7 @@ from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Layer, Scale
+from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Order, Scale
 from .belief import run_key
 from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .laser.scan import PlacesOnMap, reading_of
@@ -85,10 +85,10 @@ class MatchCircles:
 
     def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
         """Log what does not change: places and colors."""
-        circles = rr.Points2D.from_fields(positions=self.centers, colors=[CIRCLE], draw_order=Layer.CIRCLES)
+        circles = rr.Points2D.from_fields(positions=self.centers, colors=[CIRCLE], draw_order=Order.CIRCLES)
         rec.log(paths.circles, circles, static=True)
         # no labels yet: static ones would hide all later ones
-        best = rr.Points2D.from_fields(colors=[RANK], show_labels=True, draw_order=Layer.MARKS)
+        best = rr.Points2D.from_fields(colors=[RANK], show_labels=True, draw_order=Order.MARKS)
         rec.log(paths.best, best, static=True)
         log_words(rec, paths, NOTHING_WORDS)
 
@@ -125,7 +125,7 @@ def log_words(rec: rr.RecordingStream, paths: RunPaths, words: str) -> None:
     """Log the warning that a picture hardly tells places apart; its place on the map is logged by step."""
     radius = rr.components.Radius.ui_points(0.0)
     points = rr.Points2D.from_fields(
-        colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=Layer.FRAME
+        colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=Order.FRAME
     )
     rec.log(paths.says_nothing, points, static=True)
 
@@ -202,7 +202,7 @@ class LikelihoodPanel(Panel):
             rec.log(
                 self._paths.likelihood(name),
                 rr.Transform3D(translation=[*self._maps.left_top, 0], scale=self._maps.unit_per_px),
-                rr.EncodedImage.from_fields(media_type="image/png", draw_order=Layer.OVERLAY, opacity=0.85),
+                rr.EncodedImage.from_fields(media_type="image/png", draw_order=Order.OVERLAY, opacity=0.85),
                 static=True,
             )
         if self._places is not None:

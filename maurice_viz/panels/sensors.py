@@ -52,7 +52,7 @@ from ..style import (
     TRUTH,
     UNMAPPED,
     WALL,
-    Layer,
+    Order,
     Scale,
     font_safe,
     packed,
@@ -191,7 +191,7 @@ class DrawnMarks:
             size = STROKE_PT if not kind[0] else POINT_PT if is_large else SMALL_POINT_PT
             look = {"colors": colors_of(self._colors(shown_marks)), "radii": ui_points_of([size])}
             if kind[1]:
-                look["draw_order"] = floats_of([Layer.MARKS if shown_marks.of is None else Layer.TRUTH])
+                look["draw_order"] = floats_of([Order.MARKS if shown_marks.of is None else Order.TRUTH])
             archetype, values, values_of = MARK_KINDS[kind]
             rec.log(path, row_of(archetype, **{values: values_of(strips)}, **look))
 

@@ -13,7 +13,7 @@ from ..drawing import keys
 from ..drawing.canvas import draw_ground, long_side
 from ..entities import Phase
 from ..scene import RunView, Scene
-from ..style import CARRIED, NODE, WALL, Layer, Scale
+from ..style import CARRIED, NODE, WALL, Order, Scale
 from .belief import truth_marker
 from .panel import Panel, StepUpdate, place_drawing, set_phase
 
@@ -54,7 +54,7 @@ class TruthPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._marker.prepare(rec)
         width = rr.components.Radius.ui_points(1.75)
-        arrow = rr.Arrows2D.from_fields(colors=[CARRIED], radii=width, draw_order=Layer.CARRIED)
+        arrow = rr.Arrows2D.from_fields(colors=[CARRIED], radii=width, draw_order=Order.CARRIED)
         rec.log(entities.CARRIED, arrow, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -87,14 +87,14 @@ class TruthPanel(Panel):
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static, and what separates the layers of every view."""
-    for layer in [*Layer][1:]:
-        separator = rr.Points2D(positions=[], draw_order=layer - 0.5)
-        rec.log(f"{entities.SEPARATORS}/{layer.name.lower()}", separator, static=True)
+    for order in [*Order][1:]:
+        separator = rr.Points2D(positions=[], draw_order=order - 0.5)
+        rec.log(f"{entities.SEPARATORS}/{order.name.lower()}", separator, static=True)
     for path, named in ((entities.FLOORS, True), (entities.BARE_FLOORS, False)):
         ground = draw_ground(library.arena, scale, named=named)
         corner = ground.extent.left, ground.extent.top
         place_drawing(
-            rec, path, ground.image, corner, ground.extent.width / ground.image.shape[1], Layer.GROUND
+            rec, path, ground.image, corner, ground.extent.width / ground.image.shape[1], Order.GROUND
         )
     inside = clipped(library.arena.walls, library.arena.bounds)
     if len(inside):
@@ -102,7 +102,7 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
             list(scale.screen(inside.reshape(-1, 2)).reshape(-1, 2, 2)),
             colors=[WALL],
             radii=rr.components.Radius.ui_points(1.75),
-            draw_order=Layer.WALLS,
+            draw_order=Order.WALLS,
         )
         rec.log(entities.WALLS, walls, static=True)
     if library.is_map:  # its places are no references
@@ -111,7 +111,7 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
         scale.screen(distinct_places(library.poses[:, :2])[0]),
         colors=[NODE],
         radii=rr.components.Radius.ui_points(1.25),
-        draw_order=Layer.NODES,
+        draw_order=Order.NODES,
     )
     rec.log(entities.NODES, nodes, static=True)
 
@@ -134,4 +134,4 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
     """Log one key (H, W, 3) above the map, static; its view has room for it, see `extent_with`."""
     extent = keys.key_extent(strip, arena, scale)
-    place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], Layer.KEYS)
+    place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], Order.KEYS)

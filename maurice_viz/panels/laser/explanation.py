@@ -13,7 +13,7 @@ from ...drawing.arrow import points_of, row_of, text_of
 from ...drawing.scan import draw_ranges, draw_scan_on_map
 from ...entities import Phase, RunPaths
 from ...scene import RunView, Scene
-from ...style import RANK, TRUTH, Layer
+from ...style import RANK, TRUTH, Order
 from ...text.laser.scan import scan_table, scan_words
 from ..camera import named_view
 from ..panel import MARKDOWN, Panel, StepUpdate, joined_labels, set_phase
@@ -38,7 +38,7 @@ class ScanExplanationPanel(Panel):
         prepare_scan(rec, self._paths.explain("scan", "truth"), "at the truth", TRUTH)
         points = rr.components.Radius.ui_points(5.0)
         modes = rr.Points2D.from_fields(
-            colors=[RANK], radii=points, show_labels=True, draw_order=Layer.EXPLAINED
+            colors=[RANK], radii=points, show_labels=True, draw_order=Order.EXPLAINED
         )
         rec.log(self._paths.explain("proposed"), modes, static=True)
 

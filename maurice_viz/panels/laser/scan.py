@@ -16,7 +16,7 @@ from ...drawing.arrow import blob_of, row_of
 from ...drawing.scan import WIDTH_PX, draw_scan, draw_scan_on_map, no_scan
 from ...entities import Phase, RunPaths
 from ...scene import RunView, Scene
-from ...style import RGB, TRUTH, Layer
+from ...style import RGB, TRUTH, Order
 from ..camera import draw_name, named_view
 from ..panel import Panel, StepUpdate, set_phase
 
@@ -110,7 +110,7 @@ def here_path(paths: RunPaths) -> str:
 
 def prepare_scan(rec: rr.RecordingStream, path: str, name: str, color: RGB) -> None:
     """Log the kind of a picture and its name above it, static."""
-    rec.log(path, rr.EncodedImage.from_fields(media_type="image/png", draw_order=Layer.GROUND), static=True)
+    rec.log(path, rr.EncodedImage.from_fields(media_type="image/png", draw_order=Order.GROUND), static=True)
     draw_name(rec, path, name, WIDTH_PX, color)
 
 
