@@ -2,7 +2,7 @@
 
 maurice-replay trials run thesis -o out/trials/thesis --resume
 python -m benchmarks.thesis out/trials/thesis -o out/thesis           # figure-26.png and so on, and claims.md
-python -m benchmarks.thesis out/trials/thesis -o out/thesis --write   # and what docs/results.md shows of them
+python -m benchmarks.thesis out/trials/thesis -o out/thesis --write   # and what docs/thesis.md shows of them
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .verdicts import judged
 
 DOCS = Path(__file__).parents[2] / "docs"
 ROUNDS, QUICK_ROUNDS = 15, 1  # of measuring times
-SHOWN = (26, 58, 68)  # pictures of docs/results.md
+SHOWN = (26, 58, 68)  # pictures of docs/thesis.md
 
 
 def main() -> None:
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="the folder of figures and claims")
     parser.add_argument("--only", type=int, nargs="*", default=[], metavar="NUMBER", help="figures to draw")
     parser.add_argument("--format", nargs="*", default=["png"], choices=FORMATS)
-    parser.add_argument("--write", action="store_true", help="put the claims into docs/results.md")
+    parser.add_argument("--write", action="store_true", help="put the claims into docs/thesis.md")
     parser.add_argument("--quick", action="store_true", help="measure times with few rounds")
     asked = parser.parse_args()
     try:
@@ -75,8 +75,8 @@ def claims_table(material: Material) -> str:
 
 
 def write(tables: dict[str, str]) -> None:
-    """Put tables between their marks in docs/results.md."""
-    page = DOCS / "results.md"
+    """Put tables between their marks in docs/thesis.md."""
+    page = DOCS / "thesis.md"
     text = page.read_text(encoding="utf-8")
     for name, table in tables.items():
         before, mark, rest = text.partition(f"<!-- {name} -->\n")

@@ -118,7 +118,7 @@ CLAIMS = (
         "3.3",
         "without them more wrong matches",
         "less error with them",
-        difference("tailoring", "label", "plain L1", "thesis"),
+        difference("one-change", "label", "plain L1", "thesis"),
         (22, 23),
     ),
     Claim(
@@ -212,7 +212,7 @@ CLAIMS = (
         "3.6",
         "a remedy",
         "fewer tracks lost with 5 % of the noise four times as wide",
-        fewer_lost("exact", "tracking", "thesis", "wider motion"),
+        fewer_lost("one-change", "tracking", "thesis", "wider motion"),
         (),
         RATE,
     ),
@@ -262,7 +262,7 @@ CLAIMS = (
         "4.2.2",
         "a feature (title only)",
         "less error than with color",
-        difference("edges", "feature", "color", "edges"),
+        difference("blended", "feature", "color", "edges"),
         (56,),
     ),
     Claim(

@@ -197,7 +197,7 @@ FIGURES = (
     ThesisFigure(
         56,
         "Deviation of the cloud, color and edges",
-        partial(by_feature, part="edges", features=("color", "edges")),
+        partial(by_feature, part="blended", features=("color", "edges")),
     ),
     ThesisFigure(
         58,

@@ -12,13 +12,14 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 
-from maurice_mcl.values import AVERAGES, PICTURE
+from maurice_mcl.values import AVERAGES, LIBRARY, PICTURE
 
 from ..errors import InputError
 from ..files.text import MOST, MOST_T_S, show, up_to
 from .writer import BEST, PARTS, TABLES, TOOK, StepRows, steps_schema
 
 SLACK = 1e-3  # tolerance of shares and sums of weights: processors round differently
+COMPARED = PICTURE, AVERAGES, LIBRARY
 SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -75,7 +76,7 @@ BY_COLUMN = {
     "session_events": TEXTS,
     "best_entries": _list_of(lambda k: k is not None and k >= 0, f"at most {BEST} numbers of entries", BEST),
     "best_quality": _list_of(_is_number, f"at most {BEST} finite numbers", BEST),
-    "recovery_compared": Rule(lambda v: v in (None, PICTURE, AVERAGES), f"{PICTURE} or {AVERAGES}"),
+    "recovery_compared": Rule(lambda v: v in (None, *COMPARED), " or ".join(COMPARED)),
     **dict.fromkeys(("recovery_threshold", "recovery_found"), _or_none(NATS)),
     **dict.fromkeys(("library_evidence_mean", "library_evidence_best"), _or_none(NATS)),
     **dict.fromkeys(("not_lost", "not_lost_alarm"), _or_none(SHARE)),

@@ -202,6 +202,7 @@ def build_localizer(
             reference=nearest,
             regions=where,
             draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
+            is_relative=p.recovery.strategy == "library",
         ),
         mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
         outliers=p.motion_outliers,

@@ -198,7 +198,7 @@ PRECISE: Mapping[str, Any] = {
 PRESETS = {**PRESETS, "precise": {**PRESETS["robust"], **PRECISE}}
 # the thesis's first filter to the letter (docs/filter.md), with Maurice's constants of motion: the library is
 # its only map, each motor's encoder errs by itself, a straight drifts by so much however long it is, and
-# below a dynamic threshold on the match quality particles are drawn evenly
+# where the cloud's match quality falls below that picture's threshold particles are drawn evenly
 FIGURE_10 = {"wood": (0.0, 0.33), "carpet": (2.67, 1.0)}  # degrees, mean and sd of a straight of a foot; ours
 EXACT: Mapping[str, Any] = {
     "map.obstacles": "no_walls",
@@ -210,9 +210,8 @@ EXACT: Mapping[str, Any] = {
             for floor, (mean, sd) in {"": FIGURE_10["wood"], **FIGURE_10}.items()
         },
     },
-    "recovery.strategy": "threshold",
+    "recovery.strategy": "library",
     "recovery.draw": "evenly",
-    "recovery.threshold.least_sd": 0.03,  # of the log of the mean quality of the cloud
 }
 PRESETS = {**PRESETS, "thesis-exact": {**PRESETS["thesis"], **EXACT}}
 # for a laser over an occupancy map: the default there (docs/laser.md)

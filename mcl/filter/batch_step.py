@@ -102,7 +102,10 @@ class Batch:
         evidence = self._evidence(np.exp(prior), entries, comparison)
         log_evidence = _normalize(posterior)
         clouds = Clouds.of(moved, np.exp(posterior), self.localizer.library.origin)
-        acts, states = self._recoveries(runs, evidence)
+        given = evidence
+        if self.localizer.recovery.is_relative:
+            given = log_evidence - comparison.library_likelihood
+        acts, states = self._recoveries(runs, given)
         odd = acts | are_wide(clouds, self.localizer.radii.cluster_m)
         if odd.any():
             self._alone(runs[odd], frame, comparison, put_record)

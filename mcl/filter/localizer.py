@@ -3,8 +3,7 @@
     Bel(x_t) = eta p(o_t | x_t) integral p(x_t | x_t-1, a_t-1) Bel(x_t-1) dx_t-1
 
 This is section 3.1 and figure 1 of the thesis. A localizer holds choices and no state: `step` takes a state
-and a frame and returns the next state and a record of the update. A frame does not contain the true pose, so
-the filter cannot see it.
+and a frame and returns the next state and a record of the update. A frame does not contain the true pose.
 """
 
 from __future__ import annotations
@@ -144,7 +143,8 @@ class Localizer:
         watch.lap("estimate")
         recovery = Recovery(0.0, state.recovery)
         if left or references_speak(proposal, sighting):
-            recovery = self.recovery.strategy(usable_evidence(evidence, left), state.recovery)
+            given = self.recovery.evidence(evidence, log_evidence, comparison)
+            recovery = self.recovery.strategy(usable_evidence(given, left), state.recovery)
         resampled = self.resample(weighted, recovery, frame.step)
         watch.lap("resample")
         recovered = self.recover(resampled, recovery, comparison, frame.step)

@@ -1,6 +1,7 @@
 """Recovery: the share of particles that is replaced by fresh ones, so that a lost filter can localize again.
 
-A strategy uses its state and the evidence of the picture, the log of the mean of exp(-cost) over the cloud.
+A strategy uses its state and the evidence of the picture, the log of the mean of exp(-cost) over the cloud;
+one that is relative, the filter's own evidence less what an even cloud would have.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ..values.geometry import wrap
 from ..values.randomness import normals
 from ..values.records import (
     AVERAGES,
+    LIBRARY,
     NO_HISTORY,
     PICTURE,
     Belief,
@@ -60,12 +62,24 @@ def always(share: float) -> RecoveryStrategy:
     return strategy
 
 
+def below_library(share: float) -> RecoveryStrategy:
+    """Draw fresh particles when the cloud matches a picture worse than the library does in the mean.
+
+    That is how we read the thesis's dynamic threshold on the match quality (3.6): a quality is relative to
+    its picture, so every picture has a threshold of its own, below which even draws match better.
+    """
+
+    def strategy(evidence: float, state: RecoveryState) -> Recovery:
+        return Recovery(share if evidence < 0 else 0.0, state, test=RecoveryTest(LIBRARY, 0.0, evidence))
+
+    return strategy
+
+
 @dataclass(frozen=True, slots=True)
 class DynamicThreshold:
-    """Draw fresh particles when a picture is explained much worse than recent ones (thesis 3.6).
+    """Draw fresh particles when a picture is explained much worse than recent ones.
 
-    The thesis gives no rule; this one is running mean minus a few running standard deviations of the
-    evidence.
+    Running mean minus a few running standard deviations of the evidence: ours, after thesis 3.6.
     """
 
     share: Annotated[float, SHARE] = 0.05  # of fresh particles when below the threshold
@@ -160,7 +174,7 @@ class RecoveryParameters:
     draw: Annotated[str, choice("likelihood", "evenly")] = (
         "likelihood"  # where the picture says, or over free space
     )
-    share: Annotated[float, SHARE] = 0.05  # of the particles, for "always"
+    share: Annotated[float, SHARE] = 0.05  # of the particles, for "always" and "library"
     threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
     sensor: SensorResetting = field(default_factory=SensorResetting)
     augmented: Augmented = field(default_factory=Augmented)
@@ -171,6 +185,7 @@ class RecoveryParameters:
 STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = {
     "none": lambda settings: none,
     "always": lambda settings: always(settings.share),
+    "library": lambda settings: below_library(settings.share),
     "threshold": lambda settings: settings.threshold,
     "sensor": lambda settings: settings.sensor,
     "augmented": lambda settings: settings.augmented,
@@ -187,6 +202,11 @@ class RecoveryStep:
     reference: NearestReference
     regions: Regions
     draw_evenly: bool = False  # over all free space, instead of from the picture's likelihood
+    is_relative: bool = False  # the strategy is given the evidence less that of an even cloud
+
+    def evidence(self, calibrated: float, own: float, comparison: Comparison) -> float:
+        """Return what the strategy is given: calibrated evidence, or the own less that of an even cloud."""
+        return own - comparison.library_likelihood if self.is_relative else calibrated
 
     def inject(self, resampled: Resampled, comparison: Comparison, rng: np.random.Generator) -> Resampled:
         """Append the missing particles, freshly drawn; all get equal weights."""

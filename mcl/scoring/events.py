@@ -14,7 +14,7 @@ import numpy as np
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED, RESEEDED
 from ..values.arrays import F64, dot
 from ..values.geometry import INCH_M
-from ..values.records import AVERAGES, RecoveryTest, StepRecord
+from ..values.records import AVERAGES, LIBRARY, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
 from .episodes import LOST as LOST
@@ -374,10 +374,10 @@ def _expanded(record: StepRecord) -> str:
 
 def say_recovery_test(test: RecoveryTest) -> str:
     """Say what recovery compared: "this picture fits badly (-10.7 nats, threshold -9.1)"."""
-    of_average = test.compared == AVERAGES
-    what, limit = "this picture fits badly", "threshold"
-    if of_average:
-        what, limit = "pictures fit badly of late", "long-term average"
+    what, limit = {
+        AVERAGES: ("pictures fit badly of late", "long-term average"),
+        LIBRARY: ("the cloud matches this picture worse than the library's mean", "threshold"),
+    }.get(test.compared, ("this picture fits badly", "threshold"))
     if not np.isfinite(test.found):
         return f"no particle in free space ({limit} {test.threshold:.1f} nats)"
     difference = abs(test.threshold - test.found)

@@ -89,7 +89,7 @@ class RecoveryState:
 
 
 NO_HISTORY = RecoveryState()
-PICTURE, AVERAGES = "picture", "averages"
+PICTURE, AVERAGES, LIBRARY = "picture", "averages", "library"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +97,11 @@ class RecoveryTest:
     """What a recovery strategy compared at one update: it acts where `found` is below `threshold`.
 
     `compared` PICTURE: the calibrated evidence of this picture, with the threshold. AVERAGES: the short-term
-    average of the mean likelihood, with the long-term one, both as logs.
+    average of the mean likelihood, with the long-term one, both as logs. LIBRARY: the log of the cloud's mean
+    likelihood, with that of the library's entries.
     """
 
-    compared: str  # PICTURE or AVERAGES
+    compared: str  # PICTURE, AVERAGES or LIBRARY
     threshold: float  # nats; -inf if all pictures on average had no particle in free space
     found: float  # nats; -inf if no particle was in free space
 
@@ -175,6 +176,15 @@ class Comparison:
     def channels_explained(self) -> EntryLikelihood:
         """The same of each channel alone, (C, L)."""
         return EntryLikelihood.of(self.channel_cost)
+
+    @cached_property
+    def library_likelihood(self) -> float:
+        """The log of the mean likelihood of all entries: the evidence of a cloud that lies evenly over them.
+
+        Under `power` with sharpness 1 it is the log of the mean quality. NaN for a library without entries.
+        """
+        explained = EntryLikelihood.of(-self.log_likelihood[None])
+        return float(explained.top[0] + np.log(explained.relative.mean())) if len(self.cost) else np.nan
 
     @cached_property
     def library_evidence(self) -> LibraryEvidence | None:

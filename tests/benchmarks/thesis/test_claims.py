@@ -154,9 +154,9 @@ def test_drives_that_are_too_short_do_not_say_how_far_runs_get() -> None:
         ("Above 2,000", tracking({5000: 0}), UNTESTABLE),
         ("Confidence", tracking({5000: 0}, confidence_end=0.97), UNTESTABLE),
         ("Turns", [], BUILT_IN),
-        ("Edges", pairs("edges", "feature", {"color": 0.5, "edges": 0.2}), REPRODUCED),
-        ("Edges", pairs("edges", "feature", {"color": 0.2, "edges": 0.5}), NOT),
-        ("Edges", pairs("edges", "feature", {"color": 0.2}), UNTESTABLE),
+        ("Edges", pairs("blended", "feature", {"color": 0.5, "edges": 0.2}), REPRODUCED),
+        ("Edges", pairs("blended", "feature", {"color": 0.2, "edges": 0.5}), NOT),
+        ("Edges", pairs("blended", "feature", {"color": 0.2}), UNTESTABLE),
         (
             "Brightness",
             pairs("brightness", "lights", {"": 0.1, "dim:1.3@1": 0.4}, feature="color"),
@@ -179,7 +179,7 @@ def test_variants_of_one_label_are_compared_whatever_they_set() -> None:
     rows = [
         one | {"settings": settings}
         for label, (settings, error) in values.items()
-        for one in pairs("tailoring", "label", {label: error})
+        for one in pairs("one-change", "label", {label: error})
     ]
     result = verdict_of("Noise floor and relevance", *rows)
     assert result.verdict == REPRODUCED, result.ours

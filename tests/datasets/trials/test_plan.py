@@ -60,10 +60,10 @@ def test_jobs_over_a_recording_begin_small_and_grow_also_after_a_stop(tmp_path: 
 
 
 def test_parts_with_the_same_drives_share_their_jobs() -> None:
-    plan = read_plan("thesis").only(["edges", "blended"]).with_seeds(2)
+    plan = read_plan("thesis").only(["blended", "smoothing"]).with_seeds(2)
     jobs = list(jobs_of(plan, set()))
-    assert len(jobs) == 2
-    assert {one.part for one in jobs[0].asked} == {"edges", "blended"}
+    assert len(jobs) == 4  # two of them are in brighter light
+    assert {one.part for one in jobs[0].asked} == {"blended", "smoothing"}
 
 
 def test_a_hundred_thousand_runs_are_not_listed() -> None:
@@ -108,7 +108,7 @@ def test_shipped_plans_can_be_read(name: str) -> None:
         ("include = 3", "include: found 3, expected a list"),
         ("include = [3]", "include: found 3, expected the name of a plan"),
         ("include = ['..']", "found a folder"),
-        ("include = ['edges', 'edges']", "found the part 'edges' twice"),
+        ("include = ['blended', 'blended']", "found the part 'blended' twice"),
         ("title = [1]\n[[sessions]]\ntask = 'global'", "title: found [1], expected a text"),
         ("seeds = 1.5\n[[sessions]]\ntask = 'global'", "seeds: found 1.5, expected a whole number"),
         ("sessions = 3", "sessions: found 3, expected a list"),

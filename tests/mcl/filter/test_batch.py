@@ -27,6 +27,8 @@ SETTINGS = {
     "threshold, often": {"recovery.strategy": "threshold", "recovery.threshold.settle": 1},
     "sensor, often": {"recovery.strategy": "sensor", "recovery.sensor.evidence": -2.0},
     "expansion, often": {"recovery.strategy": "expansion", "recovery.expansion.evidence": -2.0},
+    "thesis, below the library": {**mcl.PRESETS["thesis"], "recovery.strategy": "library"},
+    "below the library": {"recovery.strategy": "library", "recovery.draw": "evenly"},
     "seldom": {"resampling.when": "effective"},
     "every third": {"resampling.when": "every", "resampling.every": 3},
     "every third, some": {"resampling.when": "every", "resampling.every": 3, "recovery.strategy": "always"},

@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import maurice_mcl as mcl
 import maurice_mcl.filter.localizer as localizer_module
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.filter.motion import OdometryMotion
 from maurice_mcl.filter.proposal import MixtureParameters, regions
 from maurice_mcl.filter.recovery import (
@@ -29,7 +30,7 @@ from maurice_mcl.filter.resampling import (
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.randomness import Domain, Purpose, stream
-from maurice_mcl.values.records import NO_HISTORY, Belief, Comparison, RecoveryState, normalize
+from maurice_mcl.values.records import LIBRARY, NO_HISTORY, Belief, Comparison, RecoveryState, normalize
 
 MIDDLE = np.array([2.0, 1.5])
 EACH = pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
@@ -238,3 +239,19 @@ def test_purposes_have_streams_of_their_own(monkeypatch):
     monkeypatch.setattr(localizer_module, "stream", noted)
     _next(_choosing(when=always, strategy=_asking(0.1), roughening=0.2))
     assert asked == [Purpose.RESAMPLE, Purpose.ROUGHEN, Purpose.INJECT]
+
+
+def test_to_the_letter_fresh_particles_come_where_even_draws_would_match_better(world):
+    """Match quality against match quality: neither calibrated evidence nor earlier pictures have a say."""
+    settings = {key: value for key, value in mcl.PRESETS["thesis-exact"].items() if key != "motion"}
+    localizer = mcl.make_localizer(world.library, particles=300, settings=settings)
+    acted = []
+    for _, record in run(localizer, world.drive, None):
+        quality, entries = record.sighting.comparison.quality, record.sighting.entries
+        inside, test = entries >= 0, record.recovery_test
+        cloud = quality[entries[inside]].astype(float).sum() / len(entries)
+        assert test.compared == LIBRARY
+        assert test.found == pytest.approx(np.log(cloud / quality.astype(float).mean()), abs=1e-3)
+        acted.append(record.injected is not None)
+        assert acted[-1] == (test.found < test.threshold == 0)
+    assert 0 < np.mean(acted) < 1

@@ -13,6 +13,7 @@ from maurice_mcl.filter.recovery import (
     DynamicThreshold,
     Expansion,
     SensorResetting,
+    below_library,
     none,
 )
 from maurice_mcl.filter.recovery import always as always_some
@@ -21,6 +22,7 @@ from maurice_mcl.values.records import NO_HISTORY, RecoveryState
 STRATEGIES = {
     "none": none,
     "always": always_some(0.05),
+    "library": below_library(0.05),
     "threshold": DynamicThreshold(0.1, 3.0),
     "sensor": SensorResetting(),
     "augmented": Augmented(),
@@ -51,7 +53,7 @@ def test_shares_are_shares_and_memories_numbers(name, evidence):
         assert 0 <= memory.updates <= len(evidence)
 
 
-@pytest.mark.parametrize("name", sorted(STRATEGIES))
+@pytest.mark.parametrize("name", sorted({*STRATEGIES} - {"library"}))
 @given(evidence=st.floats(-40, 0), updates=st.integers(1, 200))
 def test_nothing_unusual_is_no_cause_for_anything(name, evidence, updates):
     """The same evidence, one that is good enough, again and again."""
@@ -61,7 +63,7 @@ def test_nothing_unusual_is_no_cause_for_anything(name, evidence, updates):
     assert not last.expand
 
 
-@pytest.mark.parametrize("name", ["threshold", "sensor", "augmented", "expansion"])
+@pytest.mark.parametrize("name", ["library", "threshold", "sensor", "augmented", "expansion"])
 @given(evidence=st.lists(NATS, min_size=1, max_size=40))
 def test_a_strategy_acts_exactly_where_what_it_compared_is_below(name, evidence):
     for nats, verdict in zip(evidence, _run(STRATEGIES[name], evidence), strict=True):
