@@ -7,9 +7,11 @@ changes) and `/session` (what was seen and, if known, what was true).
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from pathlib import Path
 from typing import ClassVar
 
 from .style import font_safe
@@ -81,6 +83,12 @@ class Place:
         return f"step {self.step}{'' if self.phase is None else f', {self.phase.name.lower()}'}"
 
 
+def open_command(source: str | Path, place: Place) -> str:
+    """Return the command that opens a recording or a saved run at a place."""
+    phase = "" if place.phase is None else f" --phase {place.phase.name.lower()}"
+    return f"maurice-replay open {shlex.quote(str(source))} --step {place.step}{phase}"
+
+
 @lru_cache(maxsize=64)
 def escaped(label: str) -> str:
     """Write a label as one part of an entity path: Rerun wants a backslash before spaces and signs."""
@@ -122,6 +130,8 @@ class RunPaths:
     best: ClassVar = Below(("match", "best"))  # the best five entries on the map: Points2D with their ranks
     # all that shows the best five entries; nothing is logged there itself
     contact_sheet: ClassVar = Below(("match", "pictures"))
+    # what is seen where the run is: the picture of the reference nearest to its estimate, an EncodedImage
+    here: ClassVar = Below(("here",))
     text: ClassVar = Below(("text",))  # text about this step: one TextDocument
 
     def __post_init__(self) -> None:

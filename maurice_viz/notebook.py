@@ -24,7 +24,7 @@ from .app.replay import replay
 from .app.snapshot import draw_saved
 from .entities import STEP
 from .errors import SILENT, Listener
-from .running.output import decisive_step_of, verdict_of
+from .running.output import OutputOptions, decisive_step_of, verdict_of
 from .running.saved_steps import NUMBER_NAMES, POSE_NAMES, Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.summary import to_json
@@ -71,14 +71,14 @@ def show(
         if path.is_dir() and session_in(path) == path:
             draw_saved(path, recording, layout, listener)
         else:
+            shown = OutputOptions(rrd=recording, headless=True, layout=layout, is_temporary=True)
             replay(
                 path,
                 feature=feature,
                 preset=preset,
                 particles=particles,
                 seed=seed,
-                layout=layout,
-                to=recording,
+                output=shown,
                 listener=listener,
             )
         _display(recording, width, height)

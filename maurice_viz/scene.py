@@ -37,14 +37,6 @@ class Detail(StrEnum):
     LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
-@dataclass(frozen=True, slots=True)
-class Ending:
-    """What a layout has to know of runs that are over."""
-
-    step: int  # to look at
-    most_m: float  # the largest position error of all runs; without truth the largest spread
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What all runs of a Rerun recording share, as it is known before the first step."""
@@ -55,7 +47,9 @@ class Scene:
     updates: int = 0  # how many there will be; 0 when that is not known
     has_pictures: bool = True  # whether the robot has a camera at all
     live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
-    ending: Ending | None = None  # what is known only in the end
+    # the largest position error of all runs, without truth the largest spread; None: not known before the end
+    most_m: float | None = None
+    opens: str = ""  # the file or the folder that `maurice-replay open` shows again; none: it is not kept
 
     @property
     def arena(self) -> Arena:
@@ -71,6 +65,10 @@ class Scene:
     def picture_height(self) -> int:
         """Of a reference on the contact sheet, in pixels."""
         return cell_height(self.library.pictures)
+
+    def compares_pictures(self, run: RunView) -> bool:
+        """Whether there are pictures of places to look at, beside those that the robot of a run takes."""
+        return bool(run.channels) or (self.has_pictures and self.library.size > 0 and not self.library.is_map)
 
     @cached_property
     def nearest(self) -> NearestReference | None:

@@ -17,8 +17,8 @@ from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.values import F64
 
+from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
-from ..running.output import walk_command
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure, say_remedy
 from ..text.summary import failure_json
@@ -87,7 +87,7 @@ class RunDiagnosis:
         explained = [] if self.recorded else [f"maurice-replay explain {run} --step {step}"]
         return [
             *explained,
-            walk_command(self.source, step),
+            open_command(self.source, Place(step, Phase.PREDICT)),
             f"maurice-replay snapshot {run} --step {step} -o step-{step}.png",
         ]
 

@@ -14,11 +14,10 @@ from maurice_mcl.sensor.laser.beams import BeamJudgment
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values import F64, Comparison, Moment, StepRecord
 
-from ..entities import Phase
+from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
 from ..layouts.registry import EXPLAIN, SENSORS
 from ..running.open import typed_pose
-from ..running.output import walk_command
 from ..running.saved import Opened, open_saved
 from ..style import Scale
 from ..text.explanation import GLOSSARY, say_step
@@ -47,7 +46,7 @@ class Explanation:
         compared = [] if self.step is None else say_step(self.step, self.scale)
         glossary = GLOSSARY if self.step else GLOSSARY.split(" Rank")[0]  # of nats alone
         paragraphs = [*compared, *self.of_sensors, glossary]
-        paragraphs.append(f"Walk through it: {walk_command(self.source, self.number, self.phase)}")
+        paragraphs.append(f"Walk through it: {open_command(self.source, Place(self.number, self.phase))}")
         return "\n\n".join([f"{self.label}, step {self.number}", *paragraphs])
 
     def __str__(self) -> str:

@@ -111,9 +111,12 @@ def reference_jpeg(path: Path | None, height: int) -> bytes:
 
 @lru_cache(maxsize=8)
 def no_picture(height: int, words: str = "") -> bytes:
-    """Return what stands in place of a picture, as a JPEG."""
-    gray = blank(height, CELL_PX, MISSING)
-    put_text(gray, words, (CELL_PX - text_size(words, TEXT_PX)[0]) / 2, height / 2, TEXT_PX, PALE)
+    """Return what stands in place of a picture, as a JPEG, with words in one or more lines."""
+    gray, lines = blank(height, CELL_PX, MISSING), words.split("\n")
+    for number, line in enumerate(lines):
+        tall = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(text_size(line, TEXT_PX)[0], 1))
+        base = height / 2 + (number - (len(lines) - 1) / 2) * 1.7 * TEXT_PX
+        put_text(gray, line, (CELL_PX - text_size(line, tall)[0]) / 2, base, tall, PALE)
     return jpeg(gray, JPEG_QUALITY)
 
 

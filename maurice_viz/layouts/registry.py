@@ -98,5 +98,4 @@ def runs_blueprint(
     for tab in tabs:
         font_safe_names(tab)
     body = rrb.Tabs(*tabs, active_tab=names.index(chosen))
-    step = None if scene.ending is None else scene.ending.step
-    return window(body, play_state="following" if scene.live else "paused", fps=FPS, step=step)
+    return window(body, play_state="following" if scene.live else "paused", fps=FPS)

@@ -12,11 +12,10 @@ import rerun.blueprint as rrb
 
 from ..drawing.canvas import map_extent
 from ..panels import traces as lines
-from ..panels.camera import seen_views
+from ..panels.camera import picture_here_view, seen_views
 from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
 from ..panels.laser.scan import here_view, scan_views
 from ..panels.population import headings_view
-from ..panels.references import best_match_view
 from ..panels.sensors import sensor_words_view
 from ..panels.story import error_axis, error_unit_view, errors_plot, story_map, tour_view, verdict_view
 from ..panels.views import untitled
@@ -68,17 +67,18 @@ def errors_row(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
 
 
 def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
-    """Lay out what the robot sees and what each run takes it for, in rows of three, and the words."""
+    """Lay out what the robot sees and what is seen where each run is, in rows of three, and the words."""
     paths = runs[0].paths
     lasers = [run for run in runs if scene.laser_of(run) is not None]
-    if runs[0].channels:
-        matches = [best_match_view(run) for run in runs if run.channels]
-        views: list[rrb.View] = [*seen_views(runs), *matches, *map(here_view, lasers)]
-    elif lasers:
-        views = [*scan_views(lasers), *map(here_view, lasers)]
-    else:
-        views = [*(sensor_words_view(paths, name) for name in runs[0].sensors)]
+    pictured = [run for run in runs if scene.compares_pictures(run)]
+    if pictured or not lasers:
+        words = [] if runs[0].channels else runs[0].sensors
+        views: list[rrb.View] = [sensor_words_view(paths, name) for name in words]
         views += seen_views(runs) if scene.has_pictures else [headings_view(paths)]
+        views += map(picture_here_view, pictured)
+    else:
+        views = [*scan_views(lasers)]
+    views += map(here_view, lasers)
     rows = [views[first : first + MOST_IN_A_ROW] for first in range(0, len(views), MOST_IN_A_ROW)]
     if len(rows) == 1 or len(rows[-1]) == MOST_IN_A_ROW:
         shares = [PICTURES] * len(rows) + [WORDS]

@@ -11,7 +11,7 @@ world        the map with its walls, its library nodes and its keys
 belief       the cloud, the close-up, the estimate and the truth
 inside       the cloud before and after each phase of an update, and the strip of phases
 population   the cloud's headings, its modes, its ancestors, and its weights as bars
-camera       the picture, its edges, and its descriptors over its best match's
+camera       the picture and its edges, and the picture taken nearest to where a run is
 references   match circles, the five best references, likelihood maps
 traces       one number per update, over the session
 events       what each step did in words, and events as lanes

@@ -1,7 +1,12 @@
-"""What the robot saw; and pictures in general, by name or over a caption."""
+"""What the robot saw, and what is seen where a run is; and pictures in general, by name or over a caption.
+
+Where a run is, the picture of the reference nearest to its estimate is seen, not the best match of the whole
+library, which says nothing of where the run is.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,11 +14,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.reasons.place import reference_near
+from maurice_mcl.scoring.metrics import LOST_RAD
+
 from .. import entities
 from ..drawing.arrow import blob_of, row_of
 from ..drawing.canvas import EDGE_GAIN, jpeg, put_text
+from ..drawing.contact_sheet import CELL_PX, cell_height, no_picture, reference_jpeg
 from ..entities import Phase
-from ..scene import RunView
+from ..scene import RunView, Scene
 from ..style import GROUND, MISSING, PALE, RGB, TRUTH, Order, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import picture_view
@@ -76,6 +85,60 @@ def prepare_jpeg(rec: rr.RecordingStream, path: str) -> None:
 def draw_jpeg(rec: rr.RecordingStream, path: str, data: bytes) -> None:
     """Log an encoded picture."""
     rec.log(path, row_of(rr.EncodedImage, blob=blob_of(data)))
+
+
+NO_LIBRARY = "the library is not at hand"
+LETTERS = 36  # of a name: what two pictures beside a wide map have room for at 1280 pixels
+
+
+class HerePanel(Panel):
+    """Draws it at every update, by name; words where no reference is near."""
+
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._height = cell_height(scene.library.pictures)
+        self._shown = b""  # last logged
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        prepare_jpeg(rec, self._paths.here)
+        draw_name(rec, self._paths.here, name_of(self._run.label), CELL_PX, self._run.color)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        if update.whole and update.is_first:  # nothing is estimated yet
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            draw_jpeg(rec, self._paths.here, no_picture(self._height))
+        picture = self._picture(update)
+        if picture != self._shown:
+            set_phase(rec, update.moment, Phase.WEIGHT)
+            draw_jpeg(rec, self._paths.here, picture)
+            self._shown = picture
+
+    def _picture(self, update: StepUpdate) -> bytes:
+        """Return the picture as a JPEG."""
+        nearest, library = self._scene.nearest, self._library
+        if nearest is None:
+            return no_picture(self._height, NO_LIBRARY)
+        estimate = update.record.estimate
+        reach_m = estimate.radii.right_m
+        entry = reference_near(library, nearest, estimate.pose, reach_m)
+        if entry < 0:
+            within = f"{self._scale.say(reach_m)} and {math.degrees(LOST_RAD):.0f} deg"
+            return no_picture(self._height, f"no reference within\n{within}\nof where {self._run.label} is")
+        return reference_jpeg(library.pictures[entry], self._height)
+
+
+def name_of(label: str) -> str:
+    """Return the name of the picture of a run: "where thesis is, it would see this", or what fits of it."""
+    name, short = f"where {label} is, it would see this", " would see this"
+    if len(name) <= LETTERS:
+        return name
+    room = LETTERS - len(short)
+    return f"{label if len(label) <= room else f'{label[: room - 3]}...'}{short}"
+
+
+def picture_here_view(run: RunView) -> rrb.Spatial2DView:
+    """Show what is seen where a run is, by name."""
+    return named_view("Where it is", run.paths.here)
 
 
 @dataclass(slots=True)

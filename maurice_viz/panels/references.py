@@ -159,7 +159,7 @@ class BestReferencesPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         for column, cell in enumerate(self._cells):
             cell.prepare(rec, column * (CELL_PX + GAP_PX), 0)
-        name = f"{self._run.label} takes this for it"
+        name = f"{self._run.label}: best match"
         draw_name(rec, self._paths.match(1), name, CELL_PX, self._run.color)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -224,7 +224,7 @@ class LikelihoodPanel(Panel):
 
     def _draw_scan(self, rec: rr.RecordingStream, update: StepUpdate, places: PlacesOnMap) -> None:
         laser = self._scene.laser_of(self._run)
-        reading = None if laser is None else reading_of(update, laser)
+        reading = None if laser is None else reading_of(update.moment, update.record, laser)
         nats = np.zeros(self._library.size, np.float32)
         if laser is not None and reading is not None:
             nats = places.nats(laser, reading)

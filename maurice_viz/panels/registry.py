@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from ..scene import RunView, Scene
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel
-from .camera import CameraPanel
+from .camera import CameraPanel, HerePanel
 from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .inside import InsidePanel, PhasesPanel
@@ -35,6 +35,7 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     WeightBarsPanel,
     MatchCirclesPanel,
     BestReferencesPanel,
+    HerePanel,
     EstimatePanel,
     EllipsesPanel,
     HeadingsPanel,
@@ -59,7 +60,8 @@ def panels_of(run: RunView, scene: Scene) -> list[Panel]:
     """Return the panels of a run; the first run has those of the scene, too."""
     kinds = [*(OF_THE_SCENE if run.number == 0 else ()), *OF_A_RUN]
     kinds += OF_REFERENCES if scene.library.size else ()
-    left_out = OF_CHANNELS if run.sensors and not run.channels else OF_FILTERS if run.is_recorded else ()
+    left_out = set[type[Panel]](() if scene.compares_pictures(run) else (HerePanel,))
+    left_out |= OF_CHANNELS if run.sensors and not run.channels else OF_FILTERS if run.is_recorded else set()
     return [kind(run, scene) for kind in kinds if kind not in left_out]
 
 

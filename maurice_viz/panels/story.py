@@ -1,4 +1,4 @@
-"""The story of a recording: the verdict in one line, the errors with their limits, the best match."""
+"""The story of a recording: the verdict in one line, what each step teaches, the errors with their limits."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.reasons.place import PlaceKnown, place_known
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict, decisive_step
-from maurice_mcl.values import Moment
+from maurice_mcl.scoring.comparison import Step
+from maurice_mcl.values import Moment, StepRecord
 
 from .. import entities
-from ..drawing.arrow import scalars
+from ..drawing.arrow import row_of, scalars, text_of
 from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
 from ..scene import RunView, Scene
 from ..style import STATES, font_safe
+from ..text.lesson import say_lesson
 from ..text.summary import failure_json
-from ..text.tour import headline, tour_pages, words
+from ..text.tour import LETTERS, MOST_CROWDED, headline, tour_pages, words
 from ..text.verdict import NOTHING_YET
+from .laser.scan import reading_of
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
@@ -49,9 +53,10 @@ class LimitsPanel(Panel):
         rec.log(ERROR_UNIT, rr.TextDocument(text, media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        if self._scene.has_truth:
-            set_phase(rec, update.moment, Phase.ESTIMATE)
-            lost = self._scale.length(self._run.radii.lost_m)
+        """Log the limit; also in the very first phase, where lanes begin: the plot begins there, too."""
+        lost = self._scale.length(self._run.radii.lost_m) if self._scene.has_truth else np.nan
+        for phase in (*((Phase.PREDICT,) if update.is_first else ()), Phase.ESTIMATE):
+            set_phase(rec, update.moment, phase)
             rec.log(LIMITS, scalars([lost, ABOVE * lost]))
 
 
@@ -62,32 +67,53 @@ class VerdictDrawing:
     """Draws the verdict on all runs of a recording. It is known at the end; of a live drive, so far."""
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
-        self._rec, self._scale, self._live = rec, scene.scale, scene.live
+        self._rec, self._runs, self._scene, self._scale = rec, tuple(runs), scene, scene.scale
+        self._lasers = {run.label: scene.laser_of(run) for run in runs}
         self._every = EVERY if any(run.localizer is not None for run in runs) else 1
         self._words = words(runs, scene.has_truth)
-        self._times_s: dict[int, float] = {}  # of each step
+        self._lessons: dict[int, str] = {}  # of each step
+        self._times_s: dict[int, float] = {}
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET if scene.live else AT_THE_END)
 
-    def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
-        """Take the next update; log the verdict of a live drive now and then: deciding it costs much.
+    def see(self, steps: Mapping[str, Step], verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
+        """Take the next update; log what it teaches.
 
-        Without a localizer, by which causes are told, it costs little and is always logged.
+        Of a live drive log the verdict now and then: deciding it costs much. Without a localizer, by which
+        causes are told, it costs little and is always logged.
         """
-        if not self._times_s:
-            set_phase(self._rec, moment, Phase.PREDICT)
-            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(self._words)))
-        self._times_s[moment.frame.step] = moment.frame.time_s
+        moment, _ = next(iter(steps.values()))
+        step, places = moment.frame.step, {label: self._place(label, *steps[label]) for label in steps}
+        self._times_s[step], self._lessons[step] = moment.frame.time_s, say_lesson(places, self._scale)
+        self._log_pages({step: self._lessons[step]}, {})
         count = len(self._times_s)
-        if self._live and (count == 1 or count % self._every == 0):
-            self._decide(verdicts(), f"Up to step {moment.frame.step}: ")
+        if self._scene.live and (count == 1 or count % self._every == 0):
+            self._decide(verdicts(), f"Up to step {step}: ")
+
+    def _place(self, label: str, moment: Moment, record: StepRecord) -> PlaceKnown | None:
+        """Return what a run knows of the place where its robot is."""
+        laser, truth, agree = self._lasers[label], moment.truth, None
+        if truth is None:
+            return place_known(record, None, -1, self._scene.library)
+        if laser is not None and not record.sighting.comparison.channels:
+            reading = reading_of(moment, record, laser)
+            judged = None if reading is None else laser.judged(reading, truth)
+            agree = None if reading is None or judged is None else (judged.count("agrees"), reading.size)
+        return place_known(record, truth, self._scene.entry_at(truth), self._scene.library, agree)
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, the step to look at, and where to look at each moment of the tour."""
         self._decide(verdicts)
-        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale, self._words):
-            set_place(self._rec, step, self._times_s.get(step, 0.0), Phase.PREDICT)
-            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(page)))
+        self._log_pages(self._lessons, verdicts)
+
+    def _log_pages(self, lessons: Mapping[int, str], verdicts: Mapping[str, RunVerdict]) -> None:
+        """Log the words of steps, with the moments of a tour where verdicts are known."""
+        tour = tour_of(verdicts) if verdicts else ()
+        letters = LETTERS if len(self._runs) >= MOST_CROWDED else None
+        pages = tour_pages(tour, verdicts, self._scale, lessons, self._words, self._scene.opens, letters)
+        for step, text in pages:
+            set_place(self._rec, step, self._times_s[step], Phase.PREDICT)
+            self._rec.log(TOUR, row_of(rr.TextDocument, text=text_of(font_safe(text))))
 
     def _decide(self, verdicts: Mapping[str, RunVerdict], so_far: str = "") -> None:
         """Log the verdict, which may be one so far."""
@@ -153,10 +179,10 @@ def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
     The viewer labels steps of a power of ten, where they are far enough apart. An axis that ended below the
     first of them would have no label but zero, so it ends above it.
     """
-    if scene.ending is None:
+    if scene.most_m is None:
         return None
     lost_m = runs[0].radii.lost_m if scene.has_truth else 0.0
-    most = ABOVE * scene.scale.length(max(scene.ending.most_m, lost_m)) or 1.0
+    most = ABOVE * scene.scale.length(max(scene.most_m, lost_m)) or 1.0
     step = float(10.0 ** np.ceil(np.log10(LABELS_APART * most)))
     top = max(most, ABOVE * step)
     return ErrorAxis(top, step * float(np.floor(top / step)))
@@ -169,7 +195,7 @@ def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         name="Position error" if scene.has_truth else "Spread of the cloud",
         origin="/",
-        contents=[*contents, *([LIMITS] if scene.has_truth else [])],
+        contents=[*contents, LIMITS],
         axis_y=None if axis is None else rrb.ScalarAxis(range=(0.0, axis.top)),
         plot_legend=rrb.PlotLegend(visible=False),
         background=rrb.archetypes.PlotBackground(show_grid=False),

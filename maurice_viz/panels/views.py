@@ -23,7 +23,6 @@ Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 SEPARATED = f"{SEPARATORS}/**"  # which makes layers separate in a view
 MAP = (FLOORS, WALLS)
 BARE_MAP = (BARE_FLOORS, WALLS)  # without names and ruler: under colors, and small, they are hard to read
-SHADED = 3  # steps from the one to look at
 FPS = 4.0  # updates a second when the viewer plays
 SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Radius.ui_points(1.0))
 
@@ -129,10 +128,11 @@ def window(
     *,
     play_state: Literal["paused", "following"] = "paused",
     fps: float | None = None,
-    step: int | None = None,
 ) -> rrb.Blueprint:
-    """Fill the viewer's window: the time panel is collapsed, with `step` shaded; all others are hidden."""
-    moment = None if step is None else rrb.components.AbsoluteTimeRange(min=step, max=step + SHADED)
+    """Fill the viewer's window: the time panel is collapsed; all others are hidden.
+
+    No moment is shaded: a blueprint's time selection is the same numbers on every timeline.
+    """
     return rrb.Blueprint(
         body,
         rrb.TimePanel(
@@ -140,7 +140,6 @@ def window(
             timeline=STEP,
             fps=fps,
             play_state=play_state,
-            time_selection=moment,
             loop_mode="off",
         ),
         rrb.TopPanel(state="hidden"),

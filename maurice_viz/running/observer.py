@@ -154,8 +154,7 @@ class SceneObserver:
         self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps)
-        moment, _ = next(iter(steps.values()))
-        self._verdict.see(moment, verdicts)
+        self._verdict.see(steps, verdicts)
         if self._live:
             self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
 

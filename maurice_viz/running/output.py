@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.header import drive_name
 
-from ..entities import VERDICT, Phase, Place
+from ..entities import VERDICT, Phase, Place, open_command
 from ..errors import Listener, OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
-from ..scene import Detail, Ending, RunView, Scene
+from ..scene import Detail, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name
 
@@ -87,6 +87,7 @@ class OutputOptions:
     alone: bool = True  # draw a drive without a library by itself; else that is an error
     web: WebViewer | None = None  # show it in browsers: no window opens, and only a live source has a file
     window: Window | None = None  # a viewer that was started ahead
+    is_temporary: bool = False  # the recording is shown and not kept
 
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
@@ -180,6 +181,8 @@ def drawing(
         return
     from .observer import SceneObserver
 
+    scene = replace(scene, opens=_kept(output, scene))
+
     detail = Detail(output.detail)
     layout = layout_of(runs, scene, output.layout, light=detail is Detail.LIGHT)
     if scene.live:
@@ -191,7 +194,7 @@ def drawing(
         drawn.observer = SceneObserver(rec, runs, scene, detail)
         yield drawn
         if drawn.step is not None:  # the layout of runs that are over
-            ended = replace(scene, ending=Ending(drawn.step, drawn.observer.most_m))
+            ended = replace(scene, most_m=drawn.observer.most_m)
             rec.send_blueprint(layout_of(runs, ended, output.layout, light=detail is Detail.LIGHT))
 
 
@@ -262,6 +265,14 @@ def sink_of(
     _remark_written(path, keys, listener, output, drawn.step)
 
 
+def _kept(output: OutputOptions, scene: Scene) -> str:
+    """Return the recording, else the saved run, that shows again what is drawn; empty: none is kept."""
+    is_file = scene.live or (output.web is None and not output.opens_window)
+    if is_file and not output.is_temporary:
+        return str(_path(output))
+    return scene.opens if output.save_run is None else str(output.save_run)
+
+
 def _place(step: int | None) -> Place | None:
     return None if step is None else Place(step)
 
@@ -295,19 +306,8 @@ def _remark_written(
     if step is None or output.place is not None:
         listener.remark(keys)
     else:
-        walk = walk_command(path, step).replace("maurice-replay", command, 1)
+        walk = open_command(path, Place(step, Phase.PREDICT)).replace("maurice-replay", command, 1)
         listener.remark(f"walk through step {step}, phase by phase with Ctrl or Cmd + right arrow: {walk}")
-
-
-def walk_command(source: Path, step: int, phase: Phase = Phase.PREDICT) -> str:
-    """Return the command that opens a recording or a saved run at one phase of a step."""
-    return open_command(source, Place(step, phase))
-
-
-def open_command(source: Path, place: Place) -> str:
-    """Return the command that opens a recording or a saved run at a place."""
-    phase = "" if place.phase is None else f" --phase {place.phase.name.lower()}"
-    return f"maurice-replay open {shlex.quote(str(source))} --step {place.step}{phase}"
 
 
 @contextmanager

@@ -129,6 +129,7 @@ class Opened:
     restored: list[Restored]
     session: Session | None
     scene: Scene  # its library has no entries where pictures or comparisons cannot be restored
+    folder: Path  # of the run, or of the comparison
     listener: Listener = SILENT
 
     def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
@@ -146,7 +147,7 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
         if other.manifest.session.sha256 != manifest.session.sha256:
             raise InputError(other.folder, f"is a run of another session than {run.folder}; replay it alone")
     if manifest.recorded:
-        return _open_recorded(runs, listener)
+        return _open_recorded(folder, runs, listener)
     problems: list[str] = []
     session = _tried(lambda: session_of(run), problems)
     library = _tried(lambda: library_of(run, listener), problems)
@@ -165,10 +166,10 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     notes = tuple(named for named, is_so in odometry_from if is_so)
     info = session.info if session else SessionInfo(manifest.name, manifest.display_units, notes=notes)
     scene = Scene(info, library, manifest.has_truth, manifest.pictures)
-    return Opened(runs, restored, session, scene, listener)
+    return Opened(runs, restored, session, scene, folder, listener)
 
 
-def _open_recorded(runs: list[SavedRun], listener: Listener) -> Opened:
+def _open_recorded(folder: Path, runs: list[SavedRun], listener: Listener) -> Opened:
     """Open the runs of recorded localizers, of which nothing is compared again."""
     problems: list[str] = []
     frames, manifest = _tried(lambda: frames_of(runs[0]), problems), runs[0].manifest
@@ -179,7 +180,8 @@ def _open_recorded(runs: list[SavedRun], listener: Listener) -> Opened:
         info = SessionInfo(manifest.name, manifest.display_units)
         library = Library(manifest.name, np.zeros((0, 3)), (), {}, runs[0].arena(), manifest.display_units)
         scene = Scene(info, library, manifest.has_truth, manifest.pictures, has_pictures=False)
-    return Opened(runs, [Restored(run, None) for run in runs], frames, scene, listener)
+    restored = [Restored(run, None) for run in runs]
+    return Opened(runs, restored, frames, scene, folder, listener)
 
 
 def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
@@ -188,7 +190,7 @@ def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
         shared(opened.updates()),
         opened.runs[0].manifest.pictures,
         [view_of(run) for run in opened.restored],
-        opened.scene,
+        replace(opened.scene, opens=str(opened.folder)),
         lambda collector: remark_saved(collector, opened.runs, listener),
     )
 

@@ -5,6 +5,7 @@ Words and tables only: what they tell is computed in `maurice_mcl`.
 phases             what each step did; and one phase of it, in two sentences
 verdict            what happened to one run, or to several, with all numbers
 tour               the first screen: the same in two lines, and where to look, moment by moment
+lesson             what a step teaches: does its picture know the place, and are dots there
 comparison         who is closer at a step and why, and over the drive; what a branch or a remedy changed
 causes             causes of failures and incidents as clauses, and the evidence that decided
 laser              what a scan says of a pose, and why a robot with a laser was lost

@@ -5,7 +5,7 @@ The headline says what happened, to which run, and how that ended. The verdict's
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, UNKNOWN, Failure, Incident
@@ -19,6 +19,7 @@ from maurice_mcl.reasons.verdict import (
 )
 from maurice_mcl.scoring.episodes import SEARCHING, Episode
 
+from ..entities import Phase, Place, open_command
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from ..style import Scale, capital
 from .causes import say_cause, say_incident
@@ -70,7 +71,7 @@ def _too_few(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     steps = max(run.updates for run in verdicts.values())
     after = f"After {steps} step{'s' * (steps > 1)}"
     return (
-        f"{after}: {_joined(off)}. Too early to say more."
+        f"{after}: {joined(off)}. Too early to say more."
         if off
         else f"{after} it is too early to say anything."
     )
@@ -80,15 +81,16 @@ def _sentence(group: Sequence[tuple[str, Outcome]], details: int) -> str:
     """Return what runs did: "`a` and `b` stayed lost (63.5 in and 40.2 in off at the end)."."""
     first = group[0][1]
     was, itself = ("were", "themselves") if len(group) > 1 else ("was", "itself")
-    text = f"{_joined([name for name, _ in group])} {first.did.format(was=was, itself=itself)}"
+    text = f"{joined([name for name, _ in group])} {first.did.format(was=was, itself=itself)}"
     values = list(dict.fromkeys(outcome.value for _, outcome in group if outcome.value))
-    detail = f"{first.before}{_joined(values)}{first.after}" if values and details else ""
+    detail = f"{first.before}{joined(values)}{first.after}" if values and details else ""
     detail += first.alone if len(group) == 1 and details > 1 else ""
     return f"{text} ({detail})." if detail else f"{text}."
 
 
-def _joined(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Join words: "a, b and c"."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def _happened(runs: Sequence[RunVerdict]) -> str:
@@ -186,7 +188,7 @@ LOOKS = {
     JUMPED: "The white disk jumps; the dots do not: odometry did not feel it.",
     SLIPPED: WENT_ON,
     OVERSTATED: WENT_ON,
-    DARK: "The camera is dark. The best match beside it can be any place now.",
+    DARK: "The camera is dark: its picture fits no place more than others.",
 }
 
 
@@ -197,7 +199,8 @@ DRAWS = {
 }
 DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** holds most of a run's dots"
 TRUTH = "; the **white** disk is where the robot really is"
-CROWDED = 3  # runs beside whose pictures there is little room for words
+CROWDED, MOST_CROWDED = 3, 4  # runs beside whose pictures there is little room for words
+LETTERS = 300  # that there is room for beside the pictures of four
 LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
 LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
 NOTICED = "Lane noticed: at **few count** few dots hold nearly all weight, at **reseeded** new ones begin"
@@ -209,7 +212,7 @@ def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
     parts = [f"{DOT}{TRUTH if has_truth else ''}."]
-    if len(runs) < CROWDED:
+    if len(runs) < MOST_CROWDED:
         parts += [LANES if has_truth else LANES_WITHOUT_TRUTH]
         parts += [f"{NOTICED}{NOTICED_OF_TRUTH if has_truth else ''}."] if len(runs) == 1 else []
         parts += [GO_THERE]
@@ -221,25 +224,40 @@ def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
 
 
 def tour_pages(
-    tour: tuple[TourMoment, ...], verdicts: Mapping[str, RunVerdict], scale: Scale, explained: str = ""
-) -> list[tuple[int, str]]:
-    """Return step and Markdown of each moment, to be shown from its step until the next one's.
+    tour: Sequence[TourMoment],
+    verdicts: Mapping[str, RunVerdict],
+    scale: Scale,
+    lessons: Mapping[int, str],
+    explained: str = "",
+    opens: str = "",
+    letters: int | None = None,
+) -> Iterator[tuple[int, str]]:
+    """Yield each step of `lessons` with its Markdown: what it is about, its lesson, and the next moment.
 
-    Each ends with the words that are `explained`, and where these say what to do, with the command that walks
-    through the step.
+    Each ends with the words that are `explained`; where these say what to do, with the command that walks
+    through the step of what `opens`, a recording or a saved run, if there is one. With room for so many
+    `letters`, where to look at a moment and what does not fit are left out.
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
     has_truth = any(verdict.has_truth for verdict in verdicts.values())
-    pages = []
-    for number, (moment, name) in enumerate(zip(tour, names, strict=True)):
-        title = f"**{number + 1} of {len(tour)} · step {moment.step}: {name}.**"
-        look = _look(moment, scale, has_truth)
-        if number + 1 < len(tour):
-            look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
-        walk = f"Phase by phase: `maurice-replay open FILE --step {moment.step} --phase weight`"
-        below = f"{explained} {walk}" if explained.endswith(GO_THERE) else explained
-        pages.append((moment.step, "\n\n".join(part for part in (f"{title} {look}", below) if part)))
-    return pages
+    passed = -1  # number of the last moment
+    for step, lesson in lessons.items():
+        while passed + 1 < len(tour) and tour[passed + 1].step <= step:
+            passed += 1
+        parts = [f"**Step {step}.**"]
+        if passed >= 0 and tour[passed].step == step:
+            title = f"**{passed + 1} of {len(tour)} · step {step}: {names[passed]}.**"
+            parts = [title, "" if letters else _look(tour[passed], scale, has_truth)]
+        elif passed >= 0:
+            parts = [f"**Step {step}**, after step {tour[passed].step} ({names[passed]})."]
+        parts.append(f"**{lesson}**" if lesson else "")
+        if passed + 1 < len(tour):
+            parts.append(f"Next: **step {tour[passed + 1].step}**, {names[passed + 1]}.")
+        command = open_command(opens, Place(step, Phase.WEIGHT))
+        walk = f" Phase by phase: `{command}`" if opens and explained.endswith(GO_THERE) else ""
+        text, below = " ".join(filter(None, parts)), f"{explained}{walk}"
+        fits = letters is None or len(text) + len(below) <= letters
+        yield step, f"{text}\n\n{below}" if below and fits else text
 
 
 def _name(moment: TourMoment, several: bool) -> str:
@@ -263,9 +281,7 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
         return _two_places(fact, scale)
     if isinstance(fact, SureAndWrong):
         away = scale.say(fact.error_m)
-        none = "; no dot is near it" if fact.bereft else ""
-        where = f"{away} from the white disk{none}"
-        return f"{fact.share:.0%} of the weight is in one place, {where}."
+        return f"{fact.share:.0%} of the weight is in one place, {away} from the white disk."
     if isinstance(fact, Episode):
         return _episode(moment, fact)
     if moment.kind == BEGINS:

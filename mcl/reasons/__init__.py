@@ -7,6 +7,7 @@
   and one episode with its evidence, which `drive_rules`, `picture_rules` and `laser_rules` judge
 - `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth
 - `verdict`: what happened to a run, and the step to look at; `tour`: the steps to look at, in order
+- `place`: whether the picture of an update knows the place, and whether dots are there
 - `second_opinion`: a filter of its own that doubts a run, without the truth
 - `budget`: which part of a filter costs how much accuracy
 """

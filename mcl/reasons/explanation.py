@@ -14,6 +14,7 @@ import numpy as np
 from ..sensor.distances import contributions
 from ..sensor.model import BLENDS, SensorModel
 from ..values import F32, F64, I32, Comparison, StepRecord, angle_between
+from .place import rank_of
 
 TRUTH, ESTIMATE, WINNER, ASKED = "truth", "estimate", "winner", "asked"  # who is explained
 
@@ -118,7 +119,7 @@ def explain_all(
             channels=by_channel[k],
             quality=float(comparison.quality[entry]),
             log_likelihood=float(likely[entry]),
-            rank=1 + int(np.count_nonzero(likely > likely[entry])),
+            rank=rank_of(likely, entry),
             entries=len(likely),
             behind=float(likely[winner] - likely[entry]),
         )

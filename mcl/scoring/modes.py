@@ -28,11 +28,11 @@ class NearTruth:
 def near_truth(record: StepRecord, truth: F64) -> NearTruth:
     """Measure the cloud of one update around the true pose (3,); a particle in a wall counts for nothing."""
     radius_m, inside = record.estimate.radii.confidence_m, record.sighting.entries >= 0
-    nearest_m, near = _around(record.weighted, truth, radius_m)
+    nearest_m, near = around(record.weighted, truth, radius_m)
     before = near
     if record.predicted.poses is not record.weighted.poses:
-        before = _around(record.predicted, truth, radius_m)[1]
-    after = near if record.belief is record.weighted else _around(record.belief, truth, radius_m)[1]
+        before = around(record.predicted, truth, radius_m)[1]
+    after = near if record.belief is record.weighted else around(record.belief, truth, radius_m)[1]
     near, before = near & inside, before & inside
     shares = [
         float(belief.weights.compress(some).sum())
@@ -49,7 +49,7 @@ def picture_gain(record: StepRecord, truth: F64, radius_m: float) -> float | Non
 
     Near is within a radius, at a like heading; None for fewer than `LEAST_NEAR` such particles.
     """
-    _, near = _around(record.weighted, truth, radius_m)
+    _, near = around(record.weighted, truth, radius_m)
     before = float(record.predicted.weights[near].sum())
     if np.count_nonzero(near) < LEAST_NEAR or before <= 0:
         return None
@@ -72,15 +72,18 @@ def gains_by_channel(
     return gains
 
 
-def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, Bool]:
-    """Return the distance of the nearest particle from the truth, and which (N,) are near it."""
-    x, y = (truth[:2] - belief.origin).tolist()
+def around(belief: Belief, pose: F64, radius_m: float) -> tuple[float, Bool]:
+    """Return the distance of the nearest particle from a pose (3,), and which (N,) are near it.
+
+    Near is within a radius, at a like heading; the nearest may have any.
+    """
+    x, y = (pose[:2] - belief.origin).tolist()
     poses = belief.poses
     away, along = poses[:, 0] - x, poses[:, 1] - y
     away *= away
     along *= along
     away += along
-    near = (away <= radius_m**2) & (np.cos(poses[:, 2] - truth[2]) >= np.cos(LOST_RAD))
+    near = (away <= radius_m**2) & (np.cos(poses[:, 2] - pose[2]) >= np.cos(LOST_RAD))
     return float(np.sqrt(away.min())) if len(away) else np.inf, near
 
 

@@ -46,7 +46,8 @@ class ScanExplanationPanel(Panel):
         laser = self._scene.laser_of(self._run) if self._run.sees_alone and update.whole else None
         if laser is None:
             return
-        reading, comparison = reading_of(update, laser), update.record.sighting.comparison
+        reading = reading_of(update.moment, update.record, laser)
+        comparison = update.record.sighting.comparison
         set_phase(rec, update.moment, Phase.ESTIMATE)
         if reading is None:
             self.clear(rec)

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.laser.reading import LaserReading
 from maurice_mcl.sensor.laser.sensor import LASER, Laser
-from maurice_mcl.values import F32, MOST_APART, Library, PoseSpread, spacing
+from maurice_mcl.values import F32, MOST_APART, Library, Moment, PoseSpread, StepRecord, spacing
 
 from ...drawing.arrow import blob_of, row_of
 from ...drawing.scan import WIDTH_PX, draw_scan, draw_scan_on_map, no_scan
@@ -53,7 +53,7 @@ class ScanPanel(Panel):
                 no_scan(NO_SCAN) if scan is None else draw_scan(scan, self._scale),
             )
         set_phase(rec, update.moment, Phase.ESTIMATE)
-        reading = reading_of(update, laser)
+        reading = reading_of(update.moment, record, laser)
         if reading is None:
             picture = no_scan(NO_SCAN if scan is None else TOO_FEW)
         else:
@@ -62,11 +62,11 @@ class ScanPanel(Panel):
         log_png(rec, here_path(self._paths), picture)
 
 
-def reading_of(update: StepUpdate, laser: Laser) -> LaserReading | None:
+def reading_of(moment: Moment, record: StepRecord, laser: Laser) -> LaserReading | None:
     """Return the beams of an update that are compared with the map; None without a scan that tells."""
-    sensed = update.record.sighting.comparison.sensed
+    sensed = record.sighting.comparison.sensed
     reading = next((each.reading for each in sensed if each.name == LASER), None)
-    return reading if isinstance(reading, LaserReading) else laser.read(update.moment.frame)
+    return reading if isinstance(reading, LaserReading) else laser.read(moment.frame)
 
 
 class PlacesOnMap:

@@ -20,7 +20,7 @@ from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.story import error_axis
 from maurice_viz.panels.traces import MOST_LETTERS
 from maurice_viz.running.output import layout_of
-from maurice_viz.scene import Ending, RunView, Scene, numbered
+from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import scale_for
 
 ARENA = fakes.arena(5, 4)
@@ -119,7 +119,7 @@ def test_a_run_without_channels_has_no_views_of_comparisons(has_truth):
 
 @pytest.mark.parametrize(("most_m", "last_label"), [(0.1, 30), (0.5, 30), (2.0, 100), (4.0, 100), (9.0, 300)])
 def test_the_error_axis_holds_the_largest_error_and_the_limit_and_has_a_label(most_m, last_label) -> None:
-    axis = error_axis([COLOR], replace(shown(), ending=Ending(step=3, most_m=most_m)))
+    axis = error_axis([COLOR], replace(shown(), most_m=most_m))
     assert axis is not None
     assert axis.last_label == last_label
     assert axis.top > max(last_label, most_m / 0.0254, 36)  # in inches, as the limit

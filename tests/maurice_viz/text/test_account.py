@@ -69,12 +69,13 @@ def played(letters: str) -> tuple[RunResult, list[str], dict[str, list[str]]]:
     (result,) = collector.results()
     verdict = result.verdict
     listed = with_failures(events, verdict.failures, times_s, SCALE)
+    lessons = dict.fromkeys(times_s, "")
     texts = {
         "verdict": [verdict_line({"one": verdict}, SCALE)],
         "table": [f"{name}: {cells[0]}" for name, cells in score_rows([result], SCALE.units)],
         "events": [f"{one.kind} at step {one.step}: {one.text}" for one in listed],
         "diagnose": [RunDiagnosis("one", verdict, Path("run"), "in").text],
-        "tour": [page for _, page in tour_pages(tour_of({"one": verdict}), {"one": verdict}, SCALE)],
+        "tour": [page for _, page in tour_pages(tour_of({"one": verdict}), {"one": verdict}, SCALE, lessons)],
         "json": list(_strings(json.loads(json.dumps(to_json([result], SCALE))))),
     }
     return result, states, texts

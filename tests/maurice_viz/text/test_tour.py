@@ -16,28 +16,54 @@ CARRY = Incident(CARRIED, 51, 51, None, 1.7)
 EPISODE = Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200)
 
 
+LESSONS = {step: f"Lesson {step}." for step in (1, 30, 51, 52, 54, 60, 100)}
+
+
 def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     run = RunVerdict(
         updates=100, has_truth=True, localized=1, first=1, last=100, incidents=(CARRY,), episodes=(EPISODE,)
     )
     verdicts = {"robust": run}
-    pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
-    assert [step for step, _ in pages] == [1, 51, 54, 100]
-    _, page = pages[1]
-    expect_facts(page, "2 of 4", "step 51", "kidnapped", "white disk")
-    assert page.endswith("Next: **step 54**, localized again.")
-    assert "200 were drawn anew" in pages[2][1]
-    assert "Next" not in pages[-1][1]
-    (_, first), *_ = tour_pages(tour_of(verdicts), verdicts, INCHES, words([RunView("robust", ("color",))]))
-    assert first.endswith("`maurice-replay open FILE --step 1 --phase weight`")
-    crowd = words([RunView(label, ("color",)) for label in "abcd"])  # no room for it
-    assert all(page.endswith(crowd) for _, page in tour_pages(tour_of(verdicts), verdicts, INCHES, crowd))
+    tour = tour_of(verdicts)
+    pages = dict(tour_pages(tour, verdicts, INCHES, LESSONS))
+    assert list(pages) == list(LESSONS)
+    expect_facts(pages[51], "2 of 4", "step 51", "kidnapped", "white disk", "**Lesson 51.**")
+    assert pages[51].endswith("Next: **step 54**, localized again.")
+    assert "200 were drawn anew" in pages[54]
+    assert "Next" not in pages[100]
+    crowd = words([RunView(label, ("color",)) for label in "abcd"])  # little room for it
+    crowded = dict(tour_pages(tour, verdicts, INCHES, LESSONS, crowd, letters=300))
+    assert all(page.endswith(crowd) and len(page) <= 302 for page in crowded.values())
+    assert "white disk jumps" not in crowded[51]
+    tight = dict(tour_pages(tour, verdicts, INCHES, LESSONS, crowd, letters=100))
+    assert not any(crowd in page for page in tight.values())
+
+
+def test_between_moments_a_page_names_its_own_step_and_the_moment_before():
+    run = RunVerdict(updates=100, has_truth=True, localized=1, first=1, last=100, incidents=(CARRY,))
+    tour = tour_of({"robust": run})
+    pages = dict(tour_pages(tour, {"robust": run}, INCHES, LESSONS))
+    assert pages[52] == "**Step 52**, after step 51 (kidnapped). **Lesson 52.** Next: **step 100**, the end."
+    for step, page in pages.items():
+        assert f"tep {step}" in page.split(".")[0]
+        assert f"**Lesson {step}.**" in page
+    before = dict(tour_pages((), {}, INCHES, LESSONS))  # the replay runs
+    assert before[60] == "**Step 60.** **Lesson 60.**"
+
+
+def test_the_command_names_what_is_opened_and_without_a_file_there_is_none():
+    run = RunVerdict(updates=100, first=1, last=100)
+    explained = words([RunView("robust", ("color",))])
+    pages = dict(tour_pages((), {"a": run}, INCHES, LESSONS, explained, "my drive.rrd"))
+    assert pages[30].endswith("`maurice-replay open 'my drive.rrd' --step 30 --phase weight`")
+    without = dict(tour_pages((), {"a": run}, INCHES, LESSONS, explained))
+    assert not any("maurice-replay" in page or "Phase by phase" in page for page in without.values())
 
 
 def test_without_truth_no_page_speaks_of_it():
     verdicts = {"a": RunVerdict(updates=9, first=1, last=9)}
-    pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
-    assert pages
+    pages = list(tour_pages(tour_of(verdicts), verdicts, INCHES, dict.fromkeys(range(1, 10), "")))
+    assert len(pages) == 9
     assert not any("truth" in page or "white" in page.casefold() for _, page in pages)
 
 
