@@ -6,6 +6,7 @@ docs/laser.md has the table of what is read, and of what this filter does otherw
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -19,12 +20,15 @@ from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.values import F64
 
 from .errors import FieldError, InputError
-from .files.text import number, read_bounded, show
+from .files.text import number, show
+from .files.yaml_text import Section, read_yaml
 
-MOST_BYTES = 1_000_000
-INSTALL = "pip install 'maurice-replay[ros]'"
+MOST_BYTES = 400_000
 
-_LASER = [part.name for part in fields(LaserParameters) if part.name != "model"]  # named as AMCL's
+# named as AMCL's, with Nav2's defaults
+_LASER = {part.name: part.default for part in fields(LaserParameters) if part.name != "model"}
+_FIELD_WEIGHTS, _BEAM_WEIGHTS = ("z_hit", "z_rand"), ("z_hit", "z_short", "z_max", "z_rand")
+WEIGHTS_OFF = 0.2  # how far their sum may be from 1: those that ROS 1 and Nav2 ship add up to 1.15 and 1.1
 # ROS 1 names by Nav2's
 _ALIASES = {
     **{f"odom_alpha{k}": f"alpha{k}" for k in range(1, 6)},
@@ -93,6 +97,8 @@ _OFFLINE = [
     "spatial_resolution_y", "initial_cov_xy", "initial_cov_xa", "initial_cov_ya",
 ]  # fmt: skip
 _KNOWN = {*_ALIASES, *_DEFAULTS, *_LASER, *_OTHERS, *_OFFLINE}
+_SHARED = ("laser_min_range", "laser_max_range", "laser_likelihood_max_dist")  # emcl has these, too
+_DECISIVE = {*_ALIASES, *_DEFAULTS, *_LASER, "laser_model_type", "robot_model_type"} - {*_SHARED}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,11 +114,11 @@ class AmclParameters:
 
 def read_amcl(file: Path) -> AmclParameters:
     """Read AMCL's parameters from YAML, wherever in the file they are. InputError."""
-    given = _parameters(file)
+    given, several = _parameters(file)
     usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
     named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
     try:
-        meaning = _meaning(named, given)
+        meaning = _meaning(named, given, [several] if several else [])
         for key, value in meaning.settings.items():
             RULES[key](_NAMES.get(key, key.rsplit(".", 1)[-1]), value)
     except ValueError as problem:
@@ -120,53 +126,48 @@ def read_amcl(file: Path) -> AmclParameters:
     return meaning
 
 
-def _parameters(file: Path) -> Mapping[str, Any]:
-    """Return the mapping with the most keys of AMCL's. InputError where none has three."""
-    best = max(_mappings(_document(file)), key=_known, default={})
-    if _known(best) < 3:
+def _parameters(file: Path) -> tuple[Section, str]:
+    """Return the section of AMCL's parameters, and a remark where there are several. InputError without any.
+
+    Every node of a robot has a section; AMCL's has names that no other localizer's has.
+    """
+    document = read_yaml(file, "AMCL's parameters", MOST_BYTES)
+    sections = {name: part for name, part in _sections(document) if _known(part) >= 3}
+    own = {name: part for name, part in sections.items() if any(key in _DECISIVE for key in part)}
+    if not own:
         expected = "expected laser_model_type, max_beams, alpha1 and the like, as in Nav2's nav2_params.yaml"
-        raise InputError(file, f"found no parameters of AMCL, {expected}")
-    return _nested(best)
+        others = "; it has names that emcl shares with it" if sections else ""
+        raise InputError(file, f"found no parameters of AMCL, {expected}{others}")
+    first = next(iter(own))
+    several = f"found {len(own)} sections of AMCL's parameters ({', '.join(own)}): the first is used"
+    return _nested(own[first]), several if len(own) > 1 else ""
 
 
-def _nested(given: Mapping[str, Any]) -> Mapping[str, Any]:
+def _nested(given: Section) -> Section:
     """Put initial_pose.x and the like, which ROS 2 takes as well, into a mapping of their own."""
     pose = {name[len(_DOTTED) :]: value for name, value in given.items() if str(name).startswith(_DOTTED)}
-    rest = {name: value for name, value in given.items() if not str(name).startswith(_DOTTED)}
-    return rest | {"initial_pose": pose} if pose else given
+    nested = Section({name: value for name, value in given.items() if not str(name).startswith(_DOTTED)})
+    nested |= {"initial_pose": pose} if pose else {}
+    nested.repeated = given.repeated
+    return nested
 
 
 def _known(mapping: Mapping[Any, Any]) -> int:
     return sum(name in _KNOWN for name in mapping)
 
 
-def _document(file: Path) -> Any:
-    try:
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import YAMLError
-    except ModuleNotFoundError:
-        raise InputError(file, f"reading YAML needs the extra ros: {INSTALL}") from None
-    data = read_bounded(file, "AMCL's parameters", MOST_BYTES)
-    try:
-        return YAML(typ="safe", pure=True).load(data.decode("utf-8-sig"))
-    except (YAMLError, ValueError, RecursionError) as problem:
-        mark, what = getattr(problem, "problem_mark", None), getattr(problem, "problem", None) or problem
-        where = "" if mark is None else f"line {mark.line + 1}: "
-        raise InputError(file, f"found no YAML, {where}{' '.join(str(what).split())[:120]}") from None
-
-
-def _mappings(document: Any) -> Iterator[Mapping[Any, Any]]:
-    """Yield the mappings in a document, each once: aliases may make it endless."""
-    left, seen = [document], set[int]()
+def _sections(document: Any) -> Iterator[tuple[str, Section]]:
+    """Yield the mappings in a document, each once, by the name of their node; references may be endless."""
+    left, seen = deque([("the file", document)]), set[int]()
     while left:
-        value = left.pop()
-        if isinstance(value, Mapping) and id(value) not in seen:
+        name, value = left.popleft()
+        if isinstance(value, Section) and id(value) not in seen:
             seen.add(id(value))
-            yield value
-            left += value.values()
+            yield name, value
+            left += [(name if key == "ros__parameters" else str(key), part) for key, part in value.items()]
 
 
-def _meaning(given: Mapping[str, Any], written: Mapping[str, Any]) -> AmclParameters:
+def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> AmclParameters:
     """Return what parameters mean; `written` has the names of the file. FieldError."""
 
     def size(name: str) -> float:
@@ -205,11 +206,20 @@ def _meaning(given: Mapping[str, Any], written: Mapping[str, Any]) -> AmclParame
     elif (pose := given["initial_pose"]).keys() & {"covariance_x", "covariance_yaw"}:  # Beluga's has one
         for name, key in (("covariance_x", "start.sd_m"), ("covariance_yaw", "start.heading_sd_rad")):
             settings[key] = math.sqrt(max(number(pose.get(name, 0.0), f"initial_pose.{name}"), 0.0))
-    remarks = []
+    if written.repeated:
+        remarks.append(
+            f"given twice, of which the last counts: {', '.join(map(show, written.repeated[:10]))}"
+        )
     if offline := [name for name in written if name in _OFFLINE]:
         remarks.append(f"AMCL's parameters that mean nothing in a replay: {', '.join(offline)}")
     if unknown := [show(name) for name in written if name not in _KNOWN]:
         remarks.append(f"parameters that are not AMCL's, left out: {', '.join(unknown[:10])}")
+    mixed = _FIELD_WEIGHTS if settings["sensor.laser.model"] != "beam" else _BEAM_WEIGHTS
+    total = sum(float(RULES[f"sensor.laser.{name}"](name, given.get(name, _LASER[name]))) for name in mixed)
+    if abs(total - 1) > WEIGHTS_OFF:
+        remarks.append(
+            f"{' + '.join(mixed)} is {total:g}, expected 1; AMCL uses them as they are, and so does this"
+        )
     if (model := written.get("odom_model_type")) in ("diff", "omni"):
         remarks.append(
             f"ROS 1's {model} takes variances as standard deviations; here it is {model}-corrected"

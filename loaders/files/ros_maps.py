@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from maurice_mcl.values import F64, FREE, OCCUPIED, U8, UNKNOWN, OccupancyMap, r
 
 from ..errors import FieldError, InputError, PictureError
 from .pictures import expect_size, picture_file, picture_size
-from .text import MOST, expect_regular, number, show, text, up_to
+from .text import MOST, number, show, text, up_to
 from .writing import expect_absent, write_whole
+from .yaml_text import Section, read_yaml
 
 MOST_CELLS = 2**28
 STRAIGHT_RAD = 1e-6  # a grid that is turned by less lies along the axes
@@ -105,7 +107,7 @@ def _of_percents(percents: Any, free: float, occupied: float) -> U8:
     return states
 
 
-# map.yaml, as map_server and map_saver write it: flat keys, of which one is a list of three numbers.
+# map.yaml, as map_server and map_saver write it, or a person.
 
 MOST_MAP_BYTES = 2**16
 ENDINGS = (".yaml", ".yml")
@@ -113,25 +115,21 @@ THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_
 MODES = ("trinary", "scale", "raw")  # what is between free and occupied in "scale" is unknown, as to AMCL
 SAVED = (0, 205, 254)  # the shades of map_saver: occupied, unknown, free
 MISREAD = 0.25  # a free_thresh that map_saver long wrote in ROS 2, and by which its 205 would be free
-_LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
-_ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
-_COMMENT = re.compile(r"(?:^|\s)#.*$")
-_QUOTED = re.compile(r"""(["'])(.*)\1$""")
 
 
 def read_grid(file: Path) -> PlacedGrid:
     """Read `map.yaml` and its picture (PGM, PNG and others). Raises InputError."""
     try:
         values = _yaml_values(file)
-        cell_m = number(values.get("resolution"), "resolution")
-        x_m, y_m, heading = (number(item, "origin") for item in _three(values.get("origin")))
-        occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
+        cell_m = _number(values.get("resolution"), "resolution")
+        x_m, y_m, heading = (_number(item, "origin") for item in _three(values.get("origin")))
+        occupied, free = (_number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
         mode, picture = str(values.get("mode") or MODES[0]), text(values.get("image"), "image")
         if mode not in MODES or not 0 <= free <= occupied <= 1:
             expected = f"mode {', '.join(MODES)}, and 0 <= free <= occupied <= 1"
             raise FieldError(f"found mode {mode!r}, {free:g} and {occupied:g}, expected {expected}")
         shades = _Shades(mode, _is_true(values.get("negate")), free, occupied)
-        cells = shades.cells(_image(file, file.parent / picture))
+        cells = shades.cells(*_image(file, file.parent / picture))
         return PlacedGrid(np.flipud(cells), cell_m, (x_m, y_m, heading))  # its top row is the farthest in y
     except FieldError as problem:
         raise InputError(file, f"{problem}; is this a ROS map?") from None
@@ -146,9 +144,8 @@ class _Shades:
     free: float
     occupied: float
 
-    def cells(self, image: Any) -> U8:
-        """Return the states (H, W) of a picture; transparent pixels are unknown."""
-        most = int(np.iinfo(image.dtype).max)
+    def cells(self, image: Any, most: int) -> U8:
+        """Return the states (H, W) of a picture whose white is `most`; transparent pixels are unknown."""
         if image.ndim == 2:
             rules = replace(self, free=THRESHOLDS["free_thresh"]) if self._misreads(image) else self
             cells: U8 = rules.states(np.arange(most + 1) / most)[image]
@@ -180,41 +177,19 @@ def _is_true(value: Any) -> bool:
     return value == 1.0 or str(value).lower() in ("true", "yes", "on")
 
 
-def _yaml_values(file: Path) -> dict[str, Any]:
-    expect_regular(file, "a map")
-    try:
-        data = file.read_bytes()[: MOST_MAP_BYTES + 1]
-        lines = data.decode("utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
-        raise InputError(file, f"cannot be read as a map: {problem}") from None
-    if len(data) > MOST_MAP_BYTES:
-        raise InputError(file, "found more than 64 KiB, expected a map.yaml")
-    found: dict[str, Any] = {}
-    key = ""
-    for at, line in enumerate(lines, 1):
-        words = _COMMENT.sub("", line).rstrip()
-        if not words or words.startswith(("---", "%")):
-            continue
-        if item := _ITEM.match(words):
-            found[key] = [*(found.get(key) or []), _yaml_value(item["value"])]
-        elif pair := _LINE.match(words):
-            key = pair["key"]
-            found[key] = _yaml_value(pair["value"] or "")
-        else:
-            raise InputError(file, f"found {show(line)}, expected KEY: VALUE as in a ROS map", at)
-    return found
+def _yaml_values(file: Path) -> Section:
+    values = read_yaml(file, "a ROS map.yaml", MOST_MAP_BYTES)
+    if not isinstance(values, Section):
+        raise InputError(file, f"found {show(values)}, expected KEY: VALUE as in a ROS map")
+    return values
 
 
-def _yaml_value(words: str) -> Any:
-    words = words.strip()
-    if words.startswith("[") and words.endswith("]"):
-        return [_yaml_value(word) for word in words[1:-1].split(",")]
-    if quoted := _QUOTED.match(words):
-        return quoted[2]
-    try:
-        return float(words)
-    except ValueError:
-        return words or None
+def _number(value: Any, what: str) -> float:
+    """Return a number, also a quoted one, as map_server does. FieldError."""
+    if isinstance(value, str):
+        with suppress(ValueError):
+            value = float(value)
+    return number(value, what)
 
 
 def _three(value: Any) -> Sequence[Any]:
@@ -223,11 +198,13 @@ def _three(value: Any) -> Sequence[Any]:
     return value
 
 
-PGM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")  # its width and height
+_GAP = rb"(?:\s|#[^\n]*\n)+"
+PGM = re.compile(rb"P[1-6]" + _GAP + rb"(\d{1,9})" + _GAP + rb"(\d{1,9})\s")  # its width and height
+WHITE = re.compile(rb"P[2356]" + _GAP + (rb"\d{1,9}" + _GAP) * 2 + rb"(\d{1,5})\s")  # its largest value
 
 
-def _image(file: Path, picture: Path) -> Any:
-    """Read a map's picture (H, W) or (H, W, 3 or 4), 8 or 16 bits, top row first."""
+def _image(file: Path, picture: Path) -> tuple[Any, int]:
+    """Read a map's picture (H, W) or (H, W, 3 or 4), 8 or 16 bits, top row first, and what is white in it."""
     try:
         data = picture_file(picture)
         pgm = PGM.match(data)
@@ -238,7 +215,11 @@ def _image(file: Path, picture: Path) -> Any:
         raise InputError(file, f"its image {picture} cannot be read: {reason}") from None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(file, f"its image {picture} cannot be read as a picture, expected PGM or PNG")
-    return image
+    most = 255 if image.dtype == np.uint8 else 65535
+    if (white := WHITE.match(data)) and 0 < int(white[1]) < most:
+        most = int(white[1])
+        image = np.minimum(image, most)
+    return image, most
 
 
 # Writing one, as map_saver does.

@@ -243,8 +243,13 @@ BROKEN = {
     "robot": (_nav2(robot_model_type="ackermann"), "found the motion model 'ackermann'"),
     "switch": (_nav2(do_beamskip="maybe"), "do_beamskip: found 'maybe', expected true or false"),
     "null": (_nav2(sigma_hit="null"), "sigma_hit: found None"),
-    "huge": (_nav2() + "#" * 2**20, "found more than 1 MB, expected AMCL's parameters"),
-    "lists of lists of lists": ("a: " + "[" * 400, "found no YAML"),
+    "huge": (_nav2() + "#" * 2**20, "found more than 0.4 MB, expected AMCL's parameters"),
+    "lists of lists of lists": ("a: " + "[" * 3000, "found YAML nested too deeply"),
+    "emcl": (
+        "emcl2:\n  ros__parameters: {odom_freq: 20, num_particles: 500, laser_min_range: 0.0,\n"
+        "    laser_likelihood_max_dist: 0.2, initial_pose_x: 0.0, odom_frame_id: odom}\n",
+        "found no parameters of AMCL",
+    ),
 }
 
 
@@ -256,6 +261,31 @@ def test_a_wrong_file_is_one_line_with_amcls_name(tmp_path, fault):
     assert expected in str(refused.value)
     assert "\n" not in str(refused.value)
     assert str(refused.value).startswith(str(tmp_path))
+
+
+def test_of_several_sections_the_first_is_used_and_named(tmp_path):
+    robots = "".join(
+        f"/robot{k}/amcl:\n  ros__parameters: {{alpha1: 0.1, max_beams: 60, max_particles: {k}111}}\n"
+        for k in (1, 2)
+    )
+    parameters = read_amcl(_file(tmp_path, robots))
+    assert parameters.settings["particles"] == 1111
+    assert "2 sections of AMCL's parameters (/robot1/amcl, /robot2/amcl)" in parameters.remarks[0]
+
+
+def test_a_key_given_twice_is_no_matter_of_another_node_and_the_last_of_amcls(tmp_path):
+    twice = "other: {a: 1, a: 2}\n" + _nav2(max_beams=30) + "    max_beams: 40\n"
+    parameters = read_amcl(_file(tmp_path, twice))
+    assert parameters.settings["sensor.laser.max_beams"] == 40
+    assert any("given twice" in remark and "max_beams" in remark for remark in parameters.remarks)
+
+
+def test_a_range_without_a_limit_and_odd_weights_are_read_and_remarked(tmp_path):
+    parameters = read_amcl(_file(tmp_path, _nav2(laser_max_range="1e8", z_hit=0.9, z_rand=0.9)))
+    assert parameters.settings["sensor.laser.laser_max_range"] == 1e8
+    assert any("z_hit + z_rand is 1.8" in remark for remark in parameters.remarks)
+    usual = read_amcl(_file(tmp_path, _nav2()))
+    assert not any("expected 1" in remark for remark in usual.remarks)
 
 
 def test_a_missing_file_and_a_folder_are_one_line(tmp_path):

@@ -32,5 +32,5 @@ class LaserParameters:
     beam_skip_distance: Annotated[float, number(0, 1000)] = 0.5  # meters; a nearer beam agrees with the map
     beam_skip_threshold: Annotated[float, SHARE] = 0.3  # share of particles with which a beam must agree
     beam_skip_error_threshold: Annotated[float, SHARE] = 0.9  # share of beams that may be skipped
-    laser_min_range: Annotated[float, number(-1, 1000)] = -1.0  # meters; -1: the scan's own
-    laser_max_range: Annotated[float, number(-1, 1000)] = -1.0  # meters; -1: the scan's own
+    laser_min_range: Annotated[float, number(-1, 1e9)] = -1.0  # meters; -1: the scan's own
+    laser_max_range: Annotated[float, number(-1, 1e9)] = -1.0  # meters; -1: the scan's own

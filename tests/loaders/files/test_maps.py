@@ -72,11 +72,39 @@ def test_negate_thresholds_lists_and_quotes_are_respected(tmp_path: Path) -> Non
     negated = read_ros_map(ros_map(tmp_path, HEAD.replace("negate: 0", "negate: 1"), 255 - CELLS))
     assert np.array_equal(negated.walls, same)
     listed = HEAD.replace("origin: [-1.0, 2.0, 0.0]", "origin:\n- -1.0\n- 2.0\n- 0.0  # yaw")
-    file = ros_map(tmp_path, f"# made\n---\nmode: trinary\n{listed}")
-    file.write_text(file.read_text().replace("map.pgm", '"map.pgm"'))
+    file = ros_map(tmp_path, f"mode: trinary\n{listed}")
+    file.write_text("# made\n---\n" + file.read_text().replace("map.pgm", '"map.pgm"'))
     assert np.array_equal(read_ros_map(file).walls, same)
     wide = read_ros_map(ros_map(tmp_path, HEAD.replace("0.196", "0.3")))  # now unknown cells count as free
     assert wide.bounds == (-1.0, 2.0, 1.0, 4.0)
+
+
+YAML_FORMS = {
+    "several lines": "image: map.pgm\n" + HEAD.replace("2.0, 0.0]", "\n  2.0,\n  0.0]"),
+    "flow": "{image: map.pgm, resolution: 0.5, origin: [-1.0, 2.0, 0.0], free_thresh: 0.196}",
+    "indented": "".join(f"  {line}\n" for line in ("image: map.pgm", *HEAD.splitlines())),
+    "quoted": "image: map.pgm\n" + HEAD.replace("0.5", '"0.5"'),
+    "anchors": "a: &a 0.5\nrest: &rest {image: map.pgm}\n<<: *rest\n" + HEAD.replace("0.5", "*a", 1),
+    "two documents": "image: map.pgm\n" + HEAD + "\n---\nimage: none.pgm\n",
+}
+
+
+@pytest.mark.parametrize("form", YAML_FORMS)
+def test_yaml_of_every_form_is_one_map(tmp_path: Path, form: str) -> None:
+    file = ros_map(tmp_path)
+    same = read_ros_map(file).walls
+    file.write_text(YAML_FORMS[form])
+    assert np.array_equal(read_ros_map(file).walls, same)
+
+
+@pytest.mark.parametrize("white", [100, 1020, 65535])
+def test_a_pgm_is_read_by_its_largest_value(tmp_path: Path, white: int) -> None:
+    file = ros_map(tmp_path)
+    same = read_ros_map(file).walls
+    shades = np.rint(CELLS / 255 * white).astype(">u2" if white > 255 else np.uint8)
+    head = f"P5\n# by hand\n{CELLS.shape[1]} {CELLS.shape[0]}\n{white}\n".encode()
+    (tmp_path / "map.pgm").write_bytes(head + shades.tobytes())
+    assert np.array_equal(read_ros_map(file).walls, same)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +114,10 @@ def test_negate_thresholds_lists_and_quotes_are_respected(tmp_path: Path) -> Non
         (HEAD.replace("0.5", "-1"), "found cells of -1 m"),
         (HEAD.replace(", 0.0]", "]"), "found origin .* expected .x, y, yaw."),
         (HEAD.replace("negate: 0", "mode: gray"), "mode 'gray'"),
-        (HEAD.replace("negate: 0", "what"), "map.yaml:4: found 'what', expected KEY: VALUE"),
+        (HEAD.replace("negate: 0", "what"), "map.yaml: found no YAML, line 5: could not find expected ':'"),
+        ("]", "map.yaml: found no YAML, line 2"),
+        ("a: " + "[" * 3000, "map.yaml: found YAML nested too deeply"),
+        ("a: &a {b: *a}\n", "found resolution nothing"),
         (HEAD.replace("negate: 0", "image: none.pgm"), "none.pgm cannot be read"),
         (HEAD.replace("negate: 0", "image: map.yaml"), "begins with"),
         (HEAD.replace("0.196", "0"), "found no free cell"),
