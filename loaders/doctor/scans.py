@@ -42,7 +42,7 @@ BODY_SHARE, BODY_BEAMS = (
 CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
-SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
+SCALES = (0.1, 0.5, 0.8, 1.25, 2.0, 10.0)  # of a map, that are tried
 NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
 # of a laser on the robot: offsets that are tried along each axis, and the least that is reported as wrong
@@ -344,7 +344,8 @@ def _about_map(
     if scaled[scale] < CHANCE * own:
         cells = {"scale": scale, "cell_m": occupancy.cell_m * scale}
         return [Finding("map-scale", (seen,), cells)], check
-    return [Finding("map-place", (seen,))], check
+    height_m, width_m = (side * occupancy.cell_m for side in occupancy.cells.shape)
+    return [Finding("map-place", (seen,), {"width_m": width_m, "height_m": height_m})], check
 
 
 def _scaled(occupancy: OccupancyMap, scale: float) -> OccupancyMap:

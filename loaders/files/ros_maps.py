@@ -13,15 +13,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.values import F64, FREE, OCCUPIED, U8, UNKNOWN, OccupancyMap, rotated
+from maurice_mcl.values import F64, FREE, MOST_MAP_CELLS, OCCUPIED, U8, UNKNOWN, OccupancyMap, rotated
 
 from ..errors import FieldError, InputError, PictureError
-from .pictures import expect_size, picture_file, picture_size
+from .pictures import picture_file, picture_size
 from .text import MOST, number, show, text, up_to
 from .writing import expect_absent, write_whole
 from .yaml_text import Section, read_yaml
 
-MOST_CELLS = 2**28
+BLOCK_ROWS = 256
 STRAIGHT_RAD = 1e-6  # a grid that is turned by less lies along the axes
 
 
@@ -35,6 +35,9 @@ class PlacedGrid:
 
     def __post_init__(self) -> None:
         """Check what the numbers may be."""
+        if not np.isfinite(self.origin).all():
+            origin = ", ".join(f"{value:g}" for value in self.origin)
+            raise FieldError(f"found its origin at ({origin}), expected numbers")
         if not 1e-4 <= self.cell_m <= 1e3:
             raise FieldError(f"found cells of {self.cell_m:g} m, expected 0.1 mm to 1 km")
         reach_m = max(self.cells.shape) * self.cell_m + max(map(abs, self.origin))
@@ -56,10 +59,7 @@ class PlacedGrid:
         x, y = rotated(np.array([0, columns, 0, columns]), np.array([0, 0, rows, rows]), heading)
         low = np.array([x.min(), y.min()])
         width, height = (math.ceil(float(np.ptp(side)) - 1e-6) for side in (x, y))
-        if width * height > MOST_CELLS:
-            raise FieldError(
-                f"found a turned map of {width} x {height} cells, expected {MOST_CELLS} or fewer"
-            )
+        expect_cells(width, height, "a turned map")
         return OccupancyMap(self._turned(low, height, width), self.cell_m, low * self.cell_m + [x_m, y_m])
 
     def _turned(self, low: F64, height: int, width: int) -> U8:
@@ -73,10 +73,18 @@ class PlacedGrid:
         back = np.column_stack([turn.T, shift])
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         cells = cv2.warpAffine(self.cells, back, (width, height), flags=flags, borderValue=UNKNOWN)
-        row, column = (np.argwhere(self.cells == OCCUPIED) + 0.5).T
-        ends = np.floor(turn @ [column, row] - low[:, None]).astype(int)
-        cells[np.clip(ends[1], 0, height - 1), np.clip(ends[0], 0, width - 1)] = OCCUPIED
+        for first in range(0, len(self.cells), BLOCK_ROWS):  # of large maps, so that memory stays small
+            row, column = (np.argwhere(self.cells[first : first + BLOCK_ROWS] == OCCUPIED) + 0.5).T
+            ends = np.floor(turn @ [column, row + first] - low[:, None]).astype(int)
+            cells[np.clip(ends[1], 0, height - 1), np.clip(ends[0], 0, width - 1)] = OCCUPIED
         return np.asarray(cells, np.uint8)
+
+
+def expect_cells(width: int, height: int, what: str = "a map") -> None:
+    """Raise FieldError for a map without cells, or with more than `MOST_MAP_CELLS`."""
+    if not 0 < width * height <= MOST_MAP_CELLS:
+        expected = f"expected 1 to {MOST_MAP_CELLS:,}; larger cells make fewer"
+        raise FieldError(f"found {what} of {width} x {height} cells, {expected}")
 
 
 # The message. Its thresholds are those of map_saver, which makes three states of percents as well.
@@ -88,9 +96,8 @@ def grid_of_message(message: Any) -> PlacedGrid:
     """Return the grid of an OccupancyGrid: percents, of which -1 is unknown. ValueError for a broken one."""
     info = message.info
     width, height = int(info.width), int(info.height)
-    if not 0 < width * height <= MOST_CELLS:
-        raise FieldError(f"found a map of {width} x {height} cells, expected at least one cell")
-    percents = np.asarray(message.data, np.int16)
+    expect_cells(width, height)
+    percents = np.asarray(message.data)
     if len(percents) != width * height:
         raise FieldError(f"found {len(percents)} cells, expected {width} x {height}")
     at, q = info.origin.position, info.origin.orientation
@@ -208,7 +215,7 @@ def _image(file: Path, picture: Path) -> tuple[Any, int]:
     try:
         data = picture_file(picture)
         pgm = PGM.match(data)
-        expect_size(*((int(pgm[1]), int(pgm[2])) if pgm else picture_size(data)))
+        expect_cells(*((int(pgm[1]), int(pgm[2])) if pgm else picture_size(data)))
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except (PictureError, cv2.error) as problem:
         reason = str(problem) if isinstance(problem, PictureError) else "it is not a picture"
@@ -239,7 +246,10 @@ def write_ros_map(occupancy: OccupancyMap, path: str | Path, *, force: bool = Fa
     shades = np.empty(3, np.uint8)
     shades[[OCCUPIED, UNKNOWN, FREE]] = SAVED
     height, width = occupancy.cells.shape
-    expect_size(width, height)
+    try:
+        expect_cells(width, height)
+    except FieldError as problem:
+        raise InputError(path, problem.message) from None
     head = b"P5\n%d %d\n255\n" % (width, height)
     write_whole(picture, head + np.flipud(shades[occupancy.cells]).tobytes(), force=force)
     x_m, y_m = (float(value) for value in occupancy.corner)

@@ -81,8 +81,12 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
     """
     path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
     form, contents = chosen(path, options), inspect_file(path, options)
-    has_map = contents.has_map or (bool(contents.scans) and library_of(open_any(path, options), None) == path)
-    warnings = (*_about_places(path, contents), *contents.warnings)
+    warnings, has_map = (*_about_places(path, contents), *contents.warnings), contents.has_map
+    if contents.scans and not has_map:
+        try:
+            has_map = library_of(open_any(path, options), None) == path
+        except InputError as problem:
+            warnings = (problem.message, *warnings)
     return InspectedRecording(form.name, replace(contents, warnings=warnings, has_map=has_map))
 
 
@@ -134,7 +138,11 @@ def _library(
     session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
 ) -> Library | None:
     """Open the library that was asked for; else the header's or the bag's map, if it is there."""
-    path = Path(library) if library else library_of(open_any(session, options), None)
+    try:
+        path = Path(library) if library else library_of(open_any(session, options), None)
+    except InputError as problem:  # its own map is of no use, but all else can be looked at
+        listener.warning(problem.message)
+        return None
     if not isinstance(path, Path) or (library is None and not path.exists()):
         return None
     if not path.exists():

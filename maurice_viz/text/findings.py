@@ -208,7 +208,10 @@ FIX: Mapping[str, Text] = {
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
     "map-frame": "correct origin in map.yaml, or give the truth in the map's frame",
     "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
-    "map-place": "give the map.yaml of this drive; `map build` makes one from scans with truth",
+    "map-place": (
+        "give the map.yaml of this drive; this one is {width_m:.3g} m x {height_m:.3g} m: is its resolution "
+        "right? `map build` makes one from scans with truth"
+    ),
     "camera-yaw": "survey with the same mounting, or `maurice-replay library build SURVEY --yaw {yaw_deg}`",
 }
 

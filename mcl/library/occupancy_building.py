@@ -11,12 +11,24 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..values import F64, FREE, I32, I64, OCCUPIED, U8, UNKNOWN, Bool, LaserScan, OccupancyMap, compose
+from ..values import (
+    F64,
+    FREE,
+    I32,
+    I64,
+    MOST_MAP_CELLS,
+    OCCUPIED,
+    U8,
+    UNKNOWN,
+    Bool,
+    LaserScan,
+    OccupancyMap,
+    compose,
+)
 
 CELL_M = 0.05
 HIT_SHARE = 0.25  # of the scans that saw a cell; walls seen at a grazing angle are often passed
 MISS_M = 3.0  # a beam that hit nothing frees this much: glass and black things return nothing either
-MOST_CELLS = 2**26  # of the grid: 400 m by 400 m at 5 cm
 GROWTH = 256  # cells by which a side grows at least
 SUBCELL_BITS = 4  # rays are drawn to a sixteenth of a cell
 PASSED, HIT = 1, 2
@@ -94,10 +106,10 @@ class _Counts:
             return
         before, after = (np.where(more > 0, np.maximum(more, GROWTH), 0) for more in (before, after))
         size = shape + before + after
-        if float(size[0]) * float(size[1]) > MOST_CELLS:
+        if float(size[0]) * float(size[1]) > MOST_MAP_CELLS:
             width, height = size * self.cell_m
             found = f"found scans over {width:.0f} m by {height:.0f} m at {self.cell_m:g} m a cell"
-            raise ValueError(f"{found}, expected at most {MOST_CELLS:,} cells; is a pose wrong?")
+            raise ValueError(f"{found}, expected at most {MOST_MAP_CELLS:,} cells; is a pose wrong?")
         margins = tuple(zip(before[::-1], after[::-1], strict=True))
         self.passes, self.hits = (np.pad(counts, margins) for counts in (self.passes, self.hits))
         self.low = self.low - before

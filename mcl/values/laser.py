@@ -8,6 +8,8 @@ import numpy as np
 
 from .arrays import F32, F64, U8, Bool
 
+MOST_MAP_CELLS = 2**26  # of an occupancy map, however it comes: 400 m by 400 m at 5 cm
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:

@@ -27,6 +27,7 @@ from .reading import LEAST_HITS
 MOST_POINTS = 60  # of a scan that are compared, evenly chosen
 REACH_M = 25.0  # points farther off are left out: the field's margin is as wide
 MOST_CELLS = 2**22  # of the field; finer maps are coarsened
+MOST_PADDED = 6 * 2**22  # with its margin, which takes more cells the finer they are
 LEAF_M, TURNS = 0.1, 384  # side of the smallest boxes, and into how many headings they divide a turn
 LEVELS = 3  # of boxes above the smallest, each with twice their side and turn; more on large maps
 MOST_ROOTS = 120_000  # boxes of the coarsest level
@@ -204,7 +205,10 @@ class Matcher:
     @cached_property
     def _factor(self) -> int:
         """How many of the map's cells along an axis are one of the field."""
-        return max(1, int(np.ceil(np.sqrt(self.occupancy.cells.size / MOST_CELLS))))
+        sides = np.array(self.occupancy.cells.shape)
+        padded = sides + 2 * REACH_M / self.occupancy.cell_m
+        shares = sides.prod() / MOST_CELLS, padded.prod() / MOST_PADDED
+        return max(1, int(np.ceil(np.sqrt(max(shares)))))
 
     @property
     def _cell_m(self) -> float:
