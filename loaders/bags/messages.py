@@ -19,7 +19,7 @@ import numpy as np
 from maurice_mcl.values import F64, U8
 
 from ..errors import PictureError
-from ..files.pictures import decode_picture, expect_size
+from ..files.pictures import decode_picture, decode_pixels, eight_bits, expect_size
 from ..reading.plane import Plane, unit_rotation
 
 ODOMETRY = "nav_msgs/Odometry"
@@ -294,7 +294,24 @@ def picture_of(message: Any) -> U8:
     form = str(getattr(message, "format", ""))
     if "compressedDepth" in form:
         raise PictureError(f"found a depth picture ({form!r}), expected a color or gray one")
-    return decode_picture(data)
+    return _compressed_picture(data, form)
+
+
+def _compressed_picture(data: bytes, form: str) -> U8:
+    """Decode by the format that compressed_image_transport writes: "bayer_rggb8; jpeg compressed bgr8".
+
+    Before the semicolon stands what was compressed. A Bayer pattern is compressed as it is; "compressed rgb8"
+    are colors in the order that a decoder takes for blue, green, red.
+    """
+    encoding, _, how = (part.strip() for part in form.partition(";"))
+    channels, size, code = PLAIN.get(encoding, (0, 1, _AS_IT_IS))
+    if encoding.startswith("bayer"):
+        pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED)
+        if pixels.ndim == 2:
+            pixels = eight_bits(pixels) if pixels.dtype == np.uint16 else pixels
+            return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+    image = decode_picture(data, deep=size == 2)
+    return np.ascontiguousarray(image[..., ::-1]) if channels >= 3 and "compressed rgb" in how else image
 
 
 def raw_picture(data: bytes, message: Any) -> U8:
@@ -307,7 +324,7 @@ def raw_picture(data: bytes, message: Any) -> U8:
     rows = _rows(data, message, channels * size)
     if size == 2:
         order = ">u2" if getattr(message, "is_bigendian", 0) else "<u2"
-        pixels = (rows.view(order) >> 8).astype(np.uint8)
+        pixels = eight_bits(rows.view(order))
     else:
         pixels = rows
     shape = (int(message.height), int(message.width), channels)

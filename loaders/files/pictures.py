@@ -12,7 +12,7 @@ import zlib
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -59,24 +59,39 @@ def decode_picture(data: bytes, *, deep: bool = False) -> U8:
 
     Raises PictureError for other formats, cut files (OpenCV would fill them with gray, silently), pictures
     that are too large (`expect_size`) and more than 8 bits a channel (often depth, which no scaling makes a
-    color); `deep` takes the upper 8 of 16, for lists that hold a camera's pictures only.
+    color); `deep` scales them to 8, for what holds a camera's pictures only.
     """
+    image = decode_pixels(data, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    if deep and image.dtype == np.uint16:
+        image = eight_bits(image)
+    if image.dtype != np.uint8:
+        bits = 8 * image.dtype.itemsize
+        raise PictureError(f"found {bits} bits a channel, expected 8; convert the picture to 8 bits")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def decode_pixels(data: bytes, how: int) -> Any:
+    """Decode a picture as OpenCV's `how` has it: channels and bits as stored, or as asked. PictureError."""
     kind = picture_format(data)
     size, header = _read_header(data)
     _expect_whole(kind, data, header)
     expect_size(*size)
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), how)
     except cv2.error:
         image = None
     if image is None:
         raise PictureError(f"found a {kind} picture that cannot be decoded, expected a readable one")
-    if deep and image.dtype == np.uint16:
-        image = (image // 256).astype(np.uint8)
-    if image.dtype != np.uint8:
-        bits = 8 * image.dtype.itemsize
-        raise PictureError(f"found {bits} bits a channel, expected 8; convert the picture to 8 bits")
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+    return image
+
+
+CAMERA_BITS = 12  # of a camera whose pictures take two bytes a channel and use no more of them
+
+
+def eight_bits(pixels: Any) -> U8:
+    """Return pixels of 16 bits with 8: the upper 8 of 16, or of 12 where a camera has no more."""
+    bits = 16 if pixels.size and pixels.max() >= 2**CAMERA_BITS else CAMERA_BITS
+    return np.asarray(pixels >> (bits - 8), np.uint8)
 
 
 OUTSIDE = "--reading pictures_outside=true reads it all the same"

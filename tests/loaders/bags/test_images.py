@@ -112,3 +112,38 @@ def test_sizes_that_cannot_be(encoding: str) -> None:
 def test_compressed_pictures_are_rgb(rgb: U8) -> None:
     _, data = cv2.imencode(".png", rgb[..., ::-1])
     assert np.array_equal(picture_of(SimpleNamespace(data=data, format="bgr8; png compressed bgr8")), rgb)
+
+
+def compressed(pixels: np.ndarray, form: str) -> SimpleNamespace:
+    return SimpleNamespace(data=cv2.imencode(".png", pixels)[1].tobytes(), format=form)
+
+
+@pytest.mark.parametrize("encoding", ["mono16", "rgb16"])
+def test_a_camera_of_12_bits_is_not_dark(encoding: str, rgb: U8) -> None:
+    image = np.repeat(rgb[..., :1], 3, axis=2) if encoding == "mono16" else rgb
+    pixels = rgb[..., 0] if encoding == "mono16" else rgb
+    assert np.array_equal(picture_of(message(pixels.astype("<u2") * 16 + 5, encoding, 7, 5)), image)
+
+
+def test_a_compressed_picture_of_12_or_16_bits_is_a_cameras_by_its_format(rgb: U8) -> None:
+    for scale in (16, 256):
+        pixels = rgb[..., 0].astype(np.uint16) * scale
+        seen = picture_of(compressed(pixels, "mono16; png compressed "))
+        assert np.array_equal(seen, np.repeat(rgb[..., :1], 3, axis=2))
+        with pytest.raises(PictureError, match="16 bits a channel"):
+            picture_of(compressed(pixels, "png"))
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_compressed_bayer_pattern_is_a_color_picture(pattern: str) -> None:
+    seen = picture_of(compressed(mosaic(RED, pattern), f"bayer_{pattern}8; jpeg compressed "))
+    assert np.abs(seen[2:-2, 2:-2].astype(int) - RED).max() <= 1
+    already = np.full((8, 8, 3), RED[::-1], np.uint8)  # by the camera's driver
+    seen = picture_of(compressed(already, f"bayer_{pattern}8; jpeg compressed bgr8"))
+    assert (seen == RED).all()
+
+
+def test_compressed_as_rgb_is_turned_round(rgb: U8) -> None:
+    assert np.array_equal(picture_of(compressed(rgb, "rgb8; png compressed rgb8")), rgb)
+    assert np.array_equal(picture_of(compressed(rgb[..., ::-1], "rgb8; png compressed bgr8")), rgb)
+    assert np.array_equal(picture_of(compressed(rgb[..., ::-1], "png")), rgb)
