@@ -118,11 +118,16 @@ class PoseFile(_TimedFile):
         return np.array([pose.t_s for pose in track]), np.array([pose.pose for pose in track]).reshape(-1, 3)
 
     def check(self) -> None:
-        """Read the first row. Raises InputError if it is broken, or there is none."""
-        first = next(self._rows(), None)
-        if first is None:
-            raise InputError(self.file, "found no poses, expected one a line")
-        self._in_space(first)
+        """Read until a row holds a pose. Raises InputError, of the first row, if there is none."""
+        first: InputError | None = None
+        for row in islice(self._rows(), LOOKED_AT):
+            try:
+                self._in_space(row)
+            except InputError as problem:
+                first = first or problem
+            else:
+                return
+        raise first or InputError(self.file, "found no poses, expected one a line")
 
     @cached_property
     def _unit(self) -> str:
@@ -170,7 +175,8 @@ class PoseFile(_TimedFile):
         words = self._words(row)
         wanted = (*self.layout.position, *self.layout.quaternion)
         if len(words) <= max(wanted):
-            fault = f"found {len(words)} values ({show(row.text)}), expected at least {max(wanted) + 1}"
+            fault = f"found {len(words)} values ({show(row.text)}), expected {max(wanted) + 1} or more"
+            fault += ": t x y z qx qy qz qw" if self.layout == Layout() else ""
             raise InputError(self.file, fault, row.number)
         values = np.array([number_of(self.file, row, words[at], "value") for at in wanted])
         try:

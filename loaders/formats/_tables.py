@@ -80,10 +80,24 @@ def rows(file: Path) -> Iterator[Row]:
             raise InputError(file, f"cannot be unpacked after line {number}: {problem}") from None
 
 
+_COMMA = re.compile(r"([-+]?\d*),(\d+(?:e[-+]?\d+)?)", re.IGNORECASE)  # a number with a decimal comma
+
+
 def words_of(text: str, most: int = -1) -> list[str]:
-    """Split a row at commas, else semicolons, else blanks and tabs; after `most` cuts the rest is whole."""
-    separator = next((mark for mark in (",", ";") if mark in text), None)
-    return [word.strip() for word in text.split(separator, most)]
+    """Split a row at semicolons, else commas, else blanks and tabs; after `most` cuts the rest is whole.
+
+    A comma in a number that semicolons or blanks separate from others becomes a point.
+    """
+    separator = next((mark for mark in (";", ",") if mark in text), None)
+    if separator == "," and all(is_number(_pointed(word)) for word in text.split()[:2]) and " " in text:
+        separator = None
+    words = [word.strip() for word in text.split(separator, most)]
+    return [_pointed(word) for word in words] if separator != "," and "," in text else words
+
+
+def _pointed(word: str) -> str:
+    matched = _COMMA.fullmatch(word)
+    return word if matched is None else matched.expand(r"\1.\2")
 
 
 def names_columns(text: str) -> bool:
@@ -156,6 +170,7 @@ def _head(first: Row, comment: Row | None, separator: str | None) -> Head:
 
 def _named(row: Row, separator: str | None) -> Head:
     between = separator or max(SEPARATORS, key=row.text.count)
+    between = between if separator or between in row.text else " "
     return Head(tuple(name.strip() for name in split(row.text.lstrip("#"), between)), between, row.number)
 
 

@@ -51,7 +51,10 @@ def looks_tum(path: Path) -> bool:
 
 
 def looks_like_trajectory(path: Path) -> bool:
-    """Recognize a trajectory by its first rows: eight numbers each, or more where columns are named."""
+    """Recognize a trajectory by its first rows: eight numbers each, or more where columns are named.
+
+    Seven are taken for poses that lack one, so that the error says so; NaN stands for a pose that failed.
+    """
     if not path.is_file():
         return False
     names = _names(path)
@@ -61,7 +64,10 @@ def looks_like_trajectory(path: Path) -> bool:
     poses = [words_of(line) for line in lines if not names_columns(line)][:5]
     if names and layout_of(names):
         return bool(poses) and all(is_number(words[0]) for words in poses)
-    return bool(poses) and all(len(words) == 8 and all(map(is_number, words)) for words in poses)
+    return bool(poses) and all(
+        len(words) in (7, 8) and all(is_number(word) or word.lower() == "nan" for word in words)
+        for words in poses
+    )
 
 
 def _listed(path: Path) -> Path | None:

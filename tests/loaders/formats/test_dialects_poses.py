@@ -13,7 +13,7 @@ import pytest
 
 from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, write
 from helpers.recordings import odometry, read, truths
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Picture, TruthPose
@@ -47,6 +47,9 @@ def test_tum_lists_of_pictures(head: str, between: str, tmp_path: Path) -> None:
         "# ground truth trajectory\n# timestamp tx ty tz qx qy qz qw\n" + poses(),
         "timestamp tx ty tz qx qy qz qw\n" + poses(),
         poses("\t"),
+        poses(";").replace(".", ","),
+        poses(" ").replace(".", ","),
+        "timestamp;tx;ty;tz;qx;qy;qz;qw\n" + poses(";").replace(".", ","),
         poses("  ").replace("\n", " \n"),
         poses(","),
         poses(stamp="{:.18e}"),
@@ -68,6 +71,25 @@ def test_trajectories_alone(text: str, tmp_path: Path) -> None:
     got = np.array([one.pose for one in found if isinstance(one, TruthPose)])
     np.testing.assert_allclose(got, [[0.1 * k, 2, math.pi / 2] for k in range(3)], atol=1e-6)
     assert found[2].t_s - found[0].t_s == pytest.approx(0.2, abs=1e-6)
+
+
+def test_seven_numbers_a_line_are_poses_that_lack_one(tmp_path: Path) -> None:
+    rows = "\n".join(" ".join(line.split()[:7]) for line in poses().splitlines())
+    with pytest.raises(
+        InputError, match=r"t.txt:1: found 7 values .*expected 8 or more: t x y z qx qy qz qw"
+    ):
+        open_session(write(tmp_path / "t.txt", rows + "\n"))
+
+
+def test_poses_that_failed_are_problems_also_the_first(tmp_path: Path) -> None:
+    file = write(tmp_path / "t.txt", f"{STAMPS[0]}" + " nan" * 7 + "\n" + poses())
+    recording, notes = open_recording(file), ReadingNotes(keep_going=True)
+    assert sum(isinstance(record, TruthPose) for record in recording.records(notes)) == 3
+    assert [str(problem) for problem in notes.problems] == [
+        f"{file}:1: found value 'nan', expected a finite number"
+    ]
+    with pytest.raises(InputError, match=r"t.txt:1: found value 'nan'"):
+        read(file)
 
 
 @pytest.mark.parametrize("pair", ["{0} rgb/{0}.png {0} depth/{0}.png", "{0} depth/{0}.png {0} rgb/{0}.png"])
