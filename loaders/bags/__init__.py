@@ -1,7 +1,7 @@
 """Bags and MCAP files: ROS 1, ROS 2 and Foxglove recordings.
 
 - `recording`: a bag as a recording, with its camera, and how each kind is recognized
-- `source`: the common interface, errors, bytes to messages; `containers`: the files
+- `source`: the common interface, errors, bytes to messages; `containers`, `unpacking`: the files
 - `messages`: the contents of messages: times, poses, clouds, coordinate frames, pictures; `video`
 - `topics`: which topics are pictures, odometry and truth; `readers`: messages to records, in time order
 - `scans`: a laser's scans, and where it sits on the robot; `maps`: the bag's map

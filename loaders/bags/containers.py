@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from ..errors import InputError
+from ..files.text import read_bounded
 from .source import (
     ENCODINGS,
-    MOST_BYTES,
     BagSource,
     Message,
     Topic,
@@ -25,6 +25,7 @@ from .source import (
     sorted_topics,
     starts_with,
 )
+from .unpacking import MOST_BYTES, TooLarge
 
 if TYPE_CHECKING:
     from mcap.reader import McapReader
@@ -128,7 +129,7 @@ class _McapBag:
 def _complete(summary: Summary) -> bool:
     """Return whether a summary repeats all channels and schemas, which writers may leave out."""
     if any(chunk.uncompressed_size > MOST_BYTES for chunk in summary.chunk_indexes):
-        raise ValueError(f"a chunk of more than {MOST_BYTES} bytes")
+        raise TooLarge(f"found a chunk that takes more than {MOST_BYTES / 1e6:.0f} MB unpacked")
     used = {number for chunk in summary.chunk_indexes for number in chunk.message_index_offsets}
     if summary.statistics is not None:
         used |= summary.statistics.channel_message_counts.keys()
@@ -159,6 +160,9 @@ def open_ros1(path: Path) -> Iterator[BagSource]:
 
 
 METADATA = "metadata.yaml"
+MOST_METADATA = (
+    2_000_000  # bytes: YAML is read slowly, and a bag of a thousand files has some hundred thousand
+)
 FILES = (".db3", ".mcap")
 COMPRESSED = tuple(f"{ending}.zstd" for ending in FILES)
 JOURNALS = {"-wal": b"\x37\x7f\x06", "-journal": b"\xd9\xd5\x05\xf9"}  # of SQLite, and how they begin
@@ -180,6 +184,8 @@ def open_ros2(path: Path) -> AbstractContextManager[BagSource]:
     require_ros(path)
     for file in _files_in(path):
         _refuse_journal(file)
+    if path.is_dir() and (path / METADATA).is_file():
+        read_bounded(path / METADATA, "the metadata of a bag", MOST_METADATA)
     opened = _folder_or_file(path)
     return open_mcap(opened) if is_mcap(opened) else _open_rosbag2(opened)
 
@@ -233,7 +239,8 @@ def _open_rosbag2(path: Path) -> AbstractContextManager[BagSource]:
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
     folder, repair = path.is_dir(), _ros2_repair(path)
-    rebuild = f"rebuild {METADATA} with `ros2 bag reindex {path.name}`, or " if folder else ""
+    packed = any(file.name.endswith(COMPRESSED) for file in _files_in(path))  # which no reindexing reads
+    rebuild = f"rebuild {METADATA} with `ros2 bag reindex {path.name}`, or " if folder and not packed else ""
     make = (lambda: DirectoryReader(path)) if folder else (lambda: Sqlite3Reader(path.absolute()))
     return _opened(path, make, rebuild + repair, repair, ros1=False)
 
@@ -241,9 +248,13 @@ def _open_rosbag2(path: Path) -> AbstractContextManager[BagSource]:
 def _ros2_repair(path: Path) -> str:
     names = [file.name for file in _files_in(path)]
     name = names[0] if len(names) == 1 else "FILE"
-    if names and not names[0].endswith(".mcap"):
-        return f"repair it with `sqlite3 {name} .recover | sqlite3 repaired.db3`"
-    return mcap_repair(name)
+    unpack = ""
+    if names and names[0].endswith(COMPRESSED):
+        part = f"part{Path(names[0]).with_suffix('').suffix}"
+        unpack, name = f"unpack what is left of it with `zstd -dc {name} > {part}`, then ", part
+    if names and ".mcap" not in names[0]:
+        return f"{unpack}repair it with `sqlite3 {name} .recover | sqlite3 repaired.db3`"
+    return unpack + mcap_repair(name)
 
 
 @contextmanager
@@ -263,10 +274,15 @@ def _opened(
 class _RosBag:
     def __init__(self, path: Path, reader: RosReader, repair: str, *, ros1: bool) -> None:
         self._path, self._reader, self._repair, self._ros1 = path, reader, repair, ros1
+        files = Counter[tuple[str, str]]()  # of a split bag, whose metadata may count one file's messages
+        for storage in getattr(reader, "storages", ()):
+            files.update({(part.topic, part.msgtype): part.msgcount for part in storage.connections})
         self.topics = sorted_topics(
             [
-                Topic(connection.topic, short_type(connection.msgtype), connection.msgcount)
-                for connection in reader.connections
+                Topic(
+                    each.topic, short_type(each.msgtype), files.get((each.topic, each.msgtype), each.msgcount)
+                )
+                for each in reader.connections
             ]
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError
 from ..files.text import read_json
+from .unpacking import TooLarge, limit_libraries, unpack_zstd
 
 if TYPE_CHECKING:
     from google.protobuf.message import Message as ProtobufMessage
@@ -75,9 +75,13 @@ def sorted_topics(topics: Collection[Topic]) -> tuple[Topic, ...]:
 
 
 def require_ros(path: Path) -> None:
-    """Raise InputError, with the command that installs it, where the extra that reads bags is missing."""
+    """Raise InputError, with the command that installs it, where the extra that reads bags is missing.
+
+    Else what reads them unpacks within limits from now on.
+    """
     if any(importlib.util.find_spec(package) is None for package in ("rosbags", "mcap", "google")):
         raise InputError(path, f"reading bags and MCAP needs an extra; {INSTALL}")
+    limit_libraries()
 
 
 @contextmanager
@@ -87,6 +91,8 @@ def bag_errors(path: Path, repair: str = "was the recording closed properly?") -
         yield
     except InputError:
         raise
+    except TooLarge as problem:
+        raise InputError(path, str(problem)) from None
     except Exception as problem:  # rosbags raises many kinds for damaged files
         what = " ".join(str(problem).split())[:200] or REASONS.get(type(problem).__name__, "unreadable")
         fault = f"found a damaged or incomplete file ({what.rstrip('.')}), expected a complete one"
@@ -109,7 +115,6 @@ def starts_with(path: Path, magic: bytes) -> bool:
 
 ENCODINGS = ("cdr", "json", "ros1", "protobuf")
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-MOST_BYTES = 2**30  # of one unpacked message or chunk; writers stay far below
 SCHEMAS = 100  # kept; a peer may announce new ones forever
 EXTRA_TYPES = {  # not among the standard types; bags of ROS 2 before Iron carry no definitions
     "nav2_msgs/msg/Particle": "geometry_msgs/Pose pose\nfloat64 weight\n",
@@ -178,21 +183,13 @@ def _protobuf_parser(kind: str, description: bytes) -> Callable[[bytes], Protobu
 def decode_cdr(data: bytes, kind: str, definition: str = "", form: str = "msg") -> Any:
     """Decode a ROS 2 message, perhaps compressed, of a type `nav_msgs/msg/Odometry`; `form`: msg or idl."""
     if data.startswith(ZSTD_MAGIC):  # else the first byte is 0 (CDR)
-        data = _unpacked(data)
+        data = unpack_zstd(data)
     return _typestore(kind, definition, form, ros1=False).deserialize_cdr(data, kind)
 
 
 def decode_ros1(data: bytes, kind: str, definition: str) -> Any:
     """Decode a ROS 1 message."""
     return _typestore(kind, definition, "msg", ros1=True).deserialize_ros1(data, kind)
-
-
-def _unpacked(data: bytes) -> bytes:
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    return bytes(zstd.ZstdDecompressor().decompress(data, max_length=MOST_BYTES // 4))
 
 
 def long_type(name: str) -> str:

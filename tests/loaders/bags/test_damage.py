@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 from helpers import bags as making
 from helpers.bags import Ros, Said
+from maurice_loaders.bags.containers import open_ros2
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
@@ -313,6 +314,18 @@ def test_a_whole_one_is_read_in_order(bag: Path) -> None:
     times = [moment.frame.time_s for moment in open_session(bag).moments()]
     assert len(times) == UPDATES
     assert times == sorted(times)
+
+
+def test_messages_of_all_parts_are_counted_whatever_the_metadata_says(bag: Path) -> None:
+    with open_ros2(bag) as source:
+        counts = {topic.name: topic.count for topic in source.topics}
+    metadata = json.loads((bag / "metadata.yaml").read_text())
+    for topic in metadata[INFORMATION]["topics_with_message_count"]:
+        topic["message_count"] = 1  # as of one part
+    (bag / "metadata.yaml").write_text(json.dumps(metadata))
+    with open_ros2(bag) as source:
+        assert {topic.name: topic.count for topic in source.topics} == counts
+    assert sum(counts.values()) == metadata[INFORMATION]["message_count"]
 
 
 def test_one_of_several_files_says_so(bag: Path) -> None:
