@@ -29,6 +29,7 @@ from .registry import Format
 
 CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
 RAW = tuple(name.replace("_", "_0") for name in CAMERAS)  # as raw drives have them, pictures in `data`
+SIDES = ("image_l", "image_r")  # as extracts of a sequence have them, with poses.txt beside
 TIMES = ("times.txt", "timestamps.txt")
 WIDTHS = (6, 10)  # digits of a picture's name, in sequences and in raw drives
 PERIOD_S = 0.1  # of poses without times: KITTI's cameras take ten pictures a second
@@ -121,9 +122,11 @@ def planar_pose(file: Path, row: Row) -> F64:
 
 def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
     """Open a sequence; `options.camera` is image_0 to image_3. Raises InputError if there are no pictures."""
-    folders = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
+    folders = [path / name for name in (*CAMERAS, *RAW, *SIDES) if (path / name).is_dir()]
     if not folders:
-        raise InputError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
+        raise InputError(
+            path, "found none of image_0 to image_3 and image_l, expected a KITTI odometry sequence"
+        )
     folder = path / str(camera_named(path, [folder.name for folder in folders], options.camera))
     name = path.resolve().name
     places = (
@@ -162,7 +165,10 @@ def times_beside(path: Path) -> list[Path]:
 
 def looks_like_sequence(path: Path) -> bool:
     """Recognize a sequence by the folders of its cameras."""
-    return any((path / name).is_dir() for name in (*CAMERAS, *RAW))
+    if any((path / name).is_dir() for name in (*CAMERAS, *RAW)):
+        return True
+    extract = any((path / name).is_dir() for name in SIDES)
+    return extract and (path / "poses.txt").is_file() and not any(path.glob("*.[ct]sv"))  # a table says more
 
 
 def looks_like_poses(path: Path) -> bool:

@@ -29,6 +29,7 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
     ".openloris",
     ".euroc",
     ".kitti",
+    ".posed_pictures",
     ".carmen",
     ".cmucam",
     ".donkeycar",

@@ -97,6 +97,41 @@ def kitti_rows(updates: int) -> str:
     return "\n".join(f"1 0 0 0 0 1 0 0 0 0 1 {0.05 * k}" for k in range(updates))
 
 
+def level_camera(number: int) -> list[list[float]]:
+    """The matrix (4, 4) of a camera that looks along x, in a world with z up."""
+    return [[0, 0, 1, 0.05 * number], [-1, 0, 0, 1.0], [0, -1, 0, 0.3], [0, 0, 0, 1]]
+
+
+def write_seven_scenes(folder: Path, updates: int, truth: bool) -> Path:
+    for k in range(updates):
+        text = "\n".join("\t ".join(f"{value:.6f}" for value in row) for row in level_camera(k))
+        (folder / f"frame-{k:06d}.pose.txt").write_text(text)
+    for k in range(min(updates, SMALL)):
+        save(folder / f"frame-{k:06d}.color.png", k)
+    return folder
+
+
+def write_colmap(folder: Path, updates: int, truth: bool) -> Path:
+    rows = [f"{k + 1} 0.5 0.5 -0.5 0.5 1.0 0.3 {-0.05 * k} 1 {k:06d}.png\n1 2 -1" for k in range(updates)]
+    (folder / "sparse").mkdir()
+    (folder / "sparse" / "images.txt").write_text("\n".join(["# images", *rows]))
+    for k in range(min(updates, SMALL)):
+        save(folder / "images" / f"{k:06d}.png", k)
+    return folder
+
+
+def write_transforms(folder: Path, updates: int, truth: bool) -> Path:
+    axes = np.diag([1.0, -1.0, -1.0, 1.0])
+    frames = [
+        {"file_path": f"images/{k:06d}.png", "transform_matrix": (level_camera(k) @ axes).tolist()}
+        for k in range(updates)
+    ]
+    (folder / "transforms.json").write_text(json.dumps({"frames": frames}))
+    for k in range(min(updates, SMALL)):
+        save(folder / "images" / f"{k:06d}.png", k)
+    return folder
+
+
 def write_kitti_poses(folder: Path, updates: int, truth: bool) -> Path:
     (folder / "07.txt").write_text(kitti_rows(updates))
     return folder / "07.txt"
@@ -213,6 +248,9 @@ SAMPLES = {
     "openloris": Sample(partial(write_tum, pictures="color", odometry="odom")),
     "euroc": Sample(write_euroc),
     "kitti": Sample(write_kitti),
+    "seven-scenes": Sample(write_seven_scenes, truth=False, long=200),
+    "colmap": Sample(write_colmap, truth=False, long=200),
+    "transforms": Sample(write_transforms, truth=False, long=200),
     "kitti-poses": Sample(write_kitti_poses, pictures=False, truth=False),
     "carmen": Sample(write_carmen, pictures=False),
     "cmucam": Sample(write_dump, truth=False),

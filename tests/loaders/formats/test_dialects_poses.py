@@ -249,6 +249,17 @@ def test_kitti_layouts(camera: str, times: str | None, place: str, tmp_path: Pat
     assert [one.t_s for one in read(sequence)[0][::2]] == pytest.approx([0, 0.1, 0.2])
 
 
+def test_an_extract_of_kitti_has_its_poses_inside_and_a_table_says_more(tmp_path: Path) -> None:
+    folder = tmp_path / "extract"
+    for k in range(3):
+        image(folder / "image_l" / f"{k:06d}.png")
+    write(folder / "poses.txt", "\n".join(f"1 0 0 {k} 0 1 0 0 0 0 1 {2 * k}" for k in range(3)))
+    assert guess(folder).name == "kitti"
+    np.testing.assert_allclose(truths(folder)[:, :2], [[2 * k, -k] for k in range(3)])
+    write(folder / "poses.csv", "image,x_m,y_m,heading_rad", "image_l/000000.png,1,2,0")
+    assert guess(folder).name == "table"
+
+
 def test_a_raw_drive_of_kitti_has_dates(tmp_path: Path) -> None:
     for k in range(2):
         image(tmp_path / "image_02" / "data" / f"{k:010d}.png")
