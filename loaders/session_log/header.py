@@ -14,6 +14,7 @@ from maurice_mcl.values import Arena, Camera, Region, SessionInfo
 
 from ..errors import FieldError, InputError
 from ..files.maps import read_ros_map
+from ..files.ros_maps import ENDINGS
 from ..files.text import flag, items, mapping, number, numbers, show, text, whole_characters
 
 REGIONS = ("obstacles", "floors", "rooms")
@@ -121,7 +122,7 @@ def _info(values: dict[str, Any], path: Path) -> SessionInfo:
             for n, c in mapping(values.get("cameras") or {}, "cameras").items()
         ),
         start=None if start is None else np.array(numbers(start, 3, "start")),
-        survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
+        survey=None if survey is None else _path(path.parent, survey, "survey"),
         arena=_arena(path.parent, arena),
         notes=tuple(text(n, "notes") for n in items(values.get("notes") or [], "notes")),
         captured=flag(values.get("captured", False), "captured"),
@@ -132,8 +133,11 @@ def _arena(folder: Path, value: Any) -> Arena | None:
     """Read the map: an object, or the path of a ROS map.yaml beside the log."""
     if not isinstance(value, str):
         return None if value is None else arena_from_json(value)
+    file = _path(folder, value, "map")
+    if file.suffix.lower() not in ENDINGS:
+        raise FieldError(f"found map {show(value)}, expected an object, or the path of a map.yaml")
     try:
-        return read_ros_map(folder / text(value, "map"))
+        return read_ros_map(file)
     except InputError as problem:
         raise FieldError(f"found map {show(value)}, which cannot be used: {problem}") from None
 
@@ -144,11 +148,15 @@ def _motion(value: Any) -> dict[str, Any]:
     return motion
 
 
-def _survey(folder: Path, name: str) -> Path:
+def _path(folder: Path, value: Any, what: str) -> Path:
+    """Return the path of a file that a header names, from the folder of its log. FieldError."""
+    name = text(value, what)
     try:
-        return (folder / name).resolve()
-    except (OSError, RuntimeError, ValueError):  # a zero in it, links in a ring
-        raise FieldError(f"found survey {show(name)}, expected the path of a log") from None
+        file = (folder / name).resolve()
+        file.exists()  # which a name that is too long fails at
+        return file
+    except (OSError, RuntimeError, ValueError):  # a zero in it, links in a ring, too long
+        raise FieldError(f"found {what} {show(value)}, expected the path of a file") from None
 
 
 def _units(value: Any) -> str:

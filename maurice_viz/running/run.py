@@ -121,6 +121,8 @@ def play(
             playback.remarks(collector)
             report(_scores(collector, playback, None, output.save_run))
         raise
+    if stopped is not None and not collector.updates:  # nothing is known of the recording yet
+        raise stopped
     playback.remarks(collector)
     scores = _scores(collector, playback, drawn.file, output.save_run)
     report(scores)

@@ -11,9 +11,12 @@ import time
 
 import pytest
 from rerun.chunk import RrdReader
+from typer.testing import CliRunner
 
 from helpers.commands import COMMAND, failure, no_display, run, runs_of
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_viz.cli.app import app
+from maurice_viz.errors import Terminated
 
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
@@ -200,6 +203,18 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
     kept = run("kept", "-o", "none", "--json")
     assert runs_of(kept.stdout) == runs_of(out)
     assert f"the run stopped; it holds {found['updates']} of 14 steps" in " ".join(kept.stderr.split())
+
+
+@pytest.mark.parametrize(("kind", "status"), [(KeyboardInterrupt, 130), (Terminated, 143)])
+def test_stopped_before_the_first_step_blames_no_recording(monkeypatch, small_session, kind, status):
+    def stop(*_: object) -> None:
+        raise kind
+
+    monkeypatch.setattr("maurice_viz.running.run.step_through", stop)
+    stopped = CliRunner().invoke(app, [str(small_session), "-o", "none", "--save-run", "kept"])
+    assert stopped.exit_code == status
+    assert "stopped" in stopped.stderr
+    assert "picture" not in stopped.stderr
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
