@@ -77,7 +77,7 @@ class PosedPictures:
         poses = [(matrix[:3, 3], matrix[:3, :3]) for matrix in self._readable()]
         if self.options.plane not in (None, "auto"):
             return plane_of(poses, self.options.plane)
-        up = -np.mean([turned[:, 1] for _, turned in poses] or [[0.0, -1.0, 0.0]], axis=0)
+        up = -np.mean([turned[:, 1] for _, turned in poses] or [np.array([0.0, -1.0, 0.0])], axis=0)
         up /= max(float(np.linalg.norm(up)), 1e-9)
         first = np.eye(3)[int(np.argmin(np.abs(up)))]
         first -= (first @ up) * up
