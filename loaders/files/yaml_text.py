@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import ConstructorError
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .text import read_bounded
+
+if TYPE_CHECKING:
+    from ruamel.yaml import YAML
 
 MERGE = "tag:yaml.org,2002:merge"
 MOST_MERGED = 100_000  # entries that `<<` may bring; references to references could bring any number
@@ -28,6 +26,9 @@ def read_yaml(file: Path, wanted: str, most_bytes: int) -> Any:
 
     References are shared, not copied, so that few bytes never become many.
     """
+    from ruamel.yaml import YAML  # a replay without a map.yaml does without
+    from ruamel.yaml.error import YAMLError
+
     data = read_bounded(file, wanted, most_bytes)
     try:
         yaml = YAML(typ="safe", pure=True)
@@ -48,14 +49,14 @@ class _Values:
     def __init__(self, yaml: YAML) -> None:
         self._scalars, self._known, self._merged = yaml.constructor, dict[int, Any](), 0
 
-    def of(self, node: Node) -> Any:
+    def of(self, node: Any) -> Any:
         """Return the value of a node. ValueError for references that bring too much, or to themselves."""
         if id(node) in self._known:
             return self._known[id(node)]
         value: Any
-        if isinstance(node, ScalarNode):
+        if node.id == "scalar":
             value = self._scalar(node)
-        elif isinstance(node, MappingNode):
+        elif node.id == "mapping":
             value = self._known[id(node)] = Section()
             self._fill(value, node)
         else:
@@ -64,13 +65,15 @@ class _Values:
         self._known[id(node)] = value
         return value
 
-    def _scalar(self, node: ScalarNode) -> Any:
+    def _scalar(self, node: Any) -> Any:
+        from ruamel.yaml.constructor import ConstructorError
+
         try:
             return self._scalars.construct_object(node)
         except ConstructorError:  # a tag of somebody's own, such as !degrees
             return node.value
 
-    def _fill(self, section: Section, node: MappingNode) -> None:
+    def _fill(self, section: Section, node: Any) -> None:
         inherited, repeated = dict[Any, Any](), []
         for name, content in node.value:
             if name.tag == MERGE:
@@ -81,7 +84,7 @@ class _Values:
                 if self._merged > MOST_MERGED:
                     raise ValueError("its references bring more than 100,000 entries")
                 continue
-            key = self.of(name) if isinstance(name, ScalarNode) else str(name.start_mark)
+            key = self.of(name) if name.id == "scalar" else str(name.start_mark)
             repeated += [key] * (key in section)
             section[key] = self.of(content)
         for key, value in inherited.items():
