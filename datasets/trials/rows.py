@@ -18,8 +18,10 @@ from typing import Any
 import polars as pl
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.paths import TRIALS
 from maurice_loaders.files.text import read_json
 from maurice_loaders.files.writing import remove_leftovers, write_whole
+from maurice_loaders.formats.registry import unlike
 
 from .plan import Plan
 
@@ -200,9 +202,7 @@ def is_trials(folder: Path) -> bool:
 def expect_trials(folder: Path) -> None:
     """Refuse what is no such folder. InputError."""
     if not is_trials(folder):
-        raise InputError(
-            folder, "found no trials, expected a folder that `maurice-replay trials run` has made"
-        )
+        raise unlike(folder, TRIALS)
 
 
 def read_plan_of(folder: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..errors import FieldError, InputError
+from .paths import look_again
 
 
 def expect_regular(file: Path, expected: str) -> None:
@@ -29,7 +30,7 @@ def reading(file: Path, wanted: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
+        raise InputError(file, f"found no such file, expected {wanted}; {look_again(file)}") from None
     except OSError as problem:
         raise InputError(file, f"cannot be read: {problem.strerror or problem}") from None
 

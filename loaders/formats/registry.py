@@ -15,6 +15,20 @@ from typing import Any
 from maurice_mcl.values import expected_one_of
 
 from ..errors import InputError
+from ..files.paths import (
+    A_LIBRARY,
+    A_RUN,
+    EMPTY,
+    PICTURE,
+    RERUN,
+    RUNS,
+    TRIALS,
+    UNPACK,
+    first_bytes,
+    kind_of,
+    look_again,
+    manifest_of,
+)
 from ..files.text import expect_regular
 from ..reading.options import ReadingOptions
 from ..reading.plane import TURNED
@@ -98,6 +112,8 @@ def guess(path: Path) -> Format:
     """Return the format of a file or folder. InputError naming what was found, and the formats there are."""
     form = _guess(path)
     if form is None:
+        if kind_of(path) is not None:
+            raise unlike(path, RECORDING)
         found, names = describe(path), ", ".join(formats())
         raise InputError(path, f"found {found}, expected one of {names}; see --reading format=...")
     return form
@@ -166,7 +182,7 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
 
 def _expect_there(path: Path) -> None:
     if not path.exists():
-        raise InputError(path, "found no such file or folder, expected a recording; check the path")
+        raise unlike(path, RECORDING)
     if path.is_file() and not path.stat().st_size:
         raise InputError(path, "found an empty file, expected a recording; was anything written to it?")
     expect_regular(path, "a recording")
@@ -185,43 +201,84 @@ DEPTH = 2  # folders below that are looked into, as KITTI's sequences need
 MOST_LOOKED_AT = 200  # files and folders of a level
 MOST_NAMED = 3
 MOST_LISTED = 4
-ARCHIVES = {  # by their first bytes
-    b"PK\x03\x04": ("a ZIP archive", "unzip {}"),
-    b"\x1f\x8b": ("a file packed by gzip", "gunzip {}"),
-    b"BZh": ("a file packed by bzip2", "bunzip2 {}"),
-    b"\xfd7zXZ": ("a file packed by xz", "unxz {}"),
-    b"\x28\xb5\x2f\xfd": ("a file packed by zstd", "zstd -d {}"),
-    b"7z\xbc\xaf\x27\x1c": ("a 7z archive", "7z x {}"),
-    b"Rar!": ("a RAR archive", "unrar x {}"),
-}
-TAR_NAMES = (".tgz", ".tbz2", ".txz", ".tar.gz", ".tar.bz2", ".tar.xz", ".tar.zst")
 
 
 def describe(path: Path) -> str:
-    """Return what a path is. Pictures alone are not meant where a folder holds other formats."""
+    """Return what a path of no kind is. Pictures alone are not meant where a folder has other formats."""
     if not path.is_dir():
-        return _describe_file(path)
+        return f"a file that begins with {first_bytes(path)[:16]!r}{table_hint(path)}"
     names = sorted((entry.name for entry in path.iterdir()), key=lambda name: (name.startswith("."), name))
-    if not names:
-        return "an empty folder"
     below = _below(path)
     meant = [inside for inside, form in below.items() if not form.bare]
     hint = _did_you_mean(meant) or table_hint(path) or _did_you_mean(list(below))
     return f"a folder with {', '.join(names[:MOST_LISTED])}{hint}"
 
 
-def _describe_file(path: Path) -> str:
-    with path.open("rb") as file:
-        begin = file.read(512)
-    for magic, (what, command) in ARCHIVES.items():
-        if begin.startswith(magic):
-            command = "tar xf {}" if path.name.lower().endswith(TAR_NAMES) else command
-            return f"{what} (unpack it: `{command.format(quote(path.name))}`)"
-    if begin[257:262] == b"ustar":
-        return f"a tar archive (unpack it: `tar xf {quote(path.name)}`)"
-    if begin.startswith(b"RRF"):
-        return "a Rerun recording, which `maurice-replay open` shows"
-    return f"a file that begins with {begin[:16]!r}{table_hint(path)}" if begin else "an empty file"
+def unlike(path: Path, wanted: str) -> InputError:
+    """Return the error of a path that is not what was wanted: what it is instead, and what to do.
+
+    `wanted` is A_RUN, A_LIBRARY, TRIALS or RECORDING.
+    """
+    expected = EXPECTED[wanted]
+    if not path.exists():
+        how = look_again(path, HOW_TO.get(wanted, "check the path"))
+        return InputError(path, f"found no such file or folder, expected {expected}; {how}")
+    kind, form = kind_of(path), _known(path)
+    if kind is None and form is not None:
+        kind = RECORDING
+    what = f"a recording ({form.name})" if kind == RECORDING and form is not None else kind or describe(path)
+    how = _instead(path, kind, wanted, bare=form is not None and form.bare) or HOW_TO.get(
+        wanted, "is it another file?"
+    )
+    return InputError(path, f"found {what}, expected {expected}; {how}")
+
+
+RECORDING = "a recording"
+EXPECTED = {
+    A_RUN: "a saved run's folder",
+    A_LIBRARY: "a library, a survey log or a table of pictures",
+    TRIALS: "a folder that `maurice-replay trials run` has made",
+    RECORDING: "a robot's recording",
+}
+HOW_TO = {
+    A_RUN: "make one with: maurice-replay SESSION -o none --save-run my-run",
+    A_LIBRARY: "build one from a drive with true poses: maurice-replay library build DRIVE -o LIBRARY",
+    TRIALS: "make one with: maurice-replay trials run PLAN -o DIR",
+}
+
+
+def _instead(path: Path, kind: str | None, wanted: str, *, bare: bool) -> str:
+    """Return what to do with a path of one kind where another was wanted; "" where nothing is known."""
+    name, manifest = quote(str(path)), manifest_of(path)
+    surveys = sorted(path.glob("*/survey.log")) if wanted == A_LIBRARY and path.is_dir() else []
+    if surveys:
+        return f"did you mean {surveys[0]}?"
+    if kind == RECORDING:
+        using = " --library LIBRARY" if bare else ""
+        commands = {
+            A_RUN: f"{name}{using} -o none --save-run my-run",
+            A_LIBRARY: f"library build {name} -o my-library",
+        }
+        if bare and wanted == A_LIBRARY:  # pictures alone have no poses
+            return ""
+        return f"make one with: maurice-replay {commands[wanted]}" if wanted in commands else ""
+    if kind == RERUN:
+        look = f"look at it with: maurice-replay {name}"
+        return f"it holds drawings, not steps: replay its session with --save-run, or {look}"
+    if kind is not None and UNPACK in kind:
+        return "then name what was in it"
+    if kind in (A_RUN, RUNS) and wanted == RECORDING:
+        session = manifest.get("session")
+        return f"its session is {session['path']}" if isinstance(session, dict) and "path" in session else ""
+    if kind == RUNS and wanted == A_RUN and manifest.get("runs"):
+        return f"name one of its runs: {path / str(manifest['runs'][0])}"
+    kinds = {
+        A_LIBRARY: f"a recording is replayed with it by: maurice-replay SESSION --library {name}",
+        TRIALS: f"their figures are printed by: maurice-replay trials table {name}",
+        PICTURE: "put the pictures of a drive into a folder, and name that",
+        EMPTY: "was anything written to it?" if wanted == RECORDING else "",
+    }
+    return kinds.get(str(kind), "")
 
 
 def _below(path: Path) -> dict[Path, Format]:

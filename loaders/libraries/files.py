@@ -25,9 +25,11 @@ from maurice_mcl.values import F32, F64, Camera, ChannelIndex, Library, PoseSens
 
 from ..errors import FieldError, InputError, PictureError
 from ..files.maps import check_span
+from ..files.paths import A_LIBRARY, kind_of
 from ..files.pictures import leads_outside, picture_file, picture_size
 from ..files.text import MOST, items, mapping, read_json, show, text, up_to
 from ..files.writing import FolderKind, new_folder
+from ..formats.registry import unlike
 from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
 from .remembered import remembered
 
@@ -97,10 +99,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """Read a library's manifest. Raises InputError if the folder is no library of a known version."""
     file = folder / MANIFEST
     if not file.is_file():
-        text = f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
-        raise InputError(folder, text)
+        raise unlike(folder, A_LIBRARY)
     manifest = mapping(read_json(file.read_bytes()), MANIFEST)
     if manifest.get("format") != FORMAT:
+        if kind_of(folder) is not None:
+            raise unlike(folder, A_LIBRARY)
         raise InputError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
     if manifest.get("version") != VERSION:
         text = f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"

@@ -31,8 +31,10 @@ from maurice_mcl.values import (
 from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.maps import check_span, read_map, read_occupancy
+from ..files.paths import A_LIBRARY, first_bytes
 from ..files.ros_maps import ENDINGS
 from ..files.writing import cache_root, discard
+from ..formats.registry import unlike
 from ..reading.options import ReadingOptions
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SurveyLog, SurveyPicture
@@ -40,6 +42,7 @@ from .files import VERSION, hashes_of, load_library, manifest_warnings, save_lib
 from .remembered import kept_tables, remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
+BEFORE_LOG = b"\xef\xbb\xbf \t\r\n"
 Warn = Callable[[str], None]
 
 
@@ -221,6 +224,8 @@ def _opened(
     log = open_table(path) if is_table(path) else None
     if path.is_dir() and log is None:
         return load_library(path)
+    if not path.exists() or (log is None and not first_bytes(path).lstrip(BEFORE_LOG).startswith(b"{")):
+        raise unlike(path, A_LIBRARY)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
     cached = _from_cache(kept, warn)
     if cached is not None and set(chosen_channels(channels)) <= set(cached.index):

@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import cv2
@@ -24,10 +23,12 @@ from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values import NAMES, USUAL, Library, Radii
 
 from ..errors import FieldError, InputError
+from ..files.paths import A_RUN, kind_of
 from ..files.text import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
 from ..files.writing import FolderKind, check_target, put
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.donkeycar import looks_like_tub
+from ..formats.registry import unlike
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
 from ..reading.options import ReadingOptions, reading_from_json, reading_to_json
@@ -141,26 +142,19 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     """Read a manifest of one of some formats and of this version. Raises InputError for any other."""
     file = folder / MANIFEST
     if not file.is_file():
-        there = f"found no {MANIFEST} in it" if folder.is_dir() else "found no such folder"
-        found_none = "is a file" if folder.is_file() else there
-        raise InputError(folder, f"{found_none}, expected a saved run's folder; {_how_to_save(folder)}")
+        raise unlike(folder, A_RUN)
     try:
         values = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:
         raise InputError(file, f"is no manifest ({problem}); is it damaged?") from None
     if values.get("format") not in formats:
+        if kind_of(folder) is not None:
+            raise unlike(folder, A_RUN)
         raise InputError(file, f"found format {show(values.get('format'))}, expected {formats[0]!r}")
     if values.get("version") != VERSION:
         known = f"expected {VERSION}; replay the session again with --save-run"
         raise InputError(file, f"found version {show(values.get('version'))} of the format, {known}")
     return values
-
-
-def _how_to_save(source: Path) -> str:
-    """Say how a saved run is made; of a recording that is there, by the whole command."""
-    if not source.exists():
-        return "make one with --save-run"
-    return f"make one with: maurice-replay {quote(str(source))} -o none --save-run my-run"
 
 
 def _manifest(values: Mapping[str, Any]) -> RunManifest:

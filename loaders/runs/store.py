@@ -84,7 +84,7 @@ def open_run(folder: str | Path) -> SavedRun:
         ...     open_run("session")
         ... except InputError as error:
         ...     print(error)
-        session: found no manifest.json in it, expected a saved run's folder; make one with: ...
+        session: found a recording (session-log), expected a saved run's folder; make one with: ...
     """
     folder = Path(folder)
     manifest = read_manifest(folder)

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from maurice_loaders.files.paths import A_RUN
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
+from maurice_loaders.formats.registry import unlike
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import Failure, title_of
@@ -151,7 +153,7 @@ def diagnose(
     """
     source = Path(source)
     if source.suffix == ".rrd":
-        raise OptionError(f"{source} is a recording of the viewer; diagnose a saved run or a session")
+        raise unlike(source, A_RUN)
     scores = replay(
         source,
         library,

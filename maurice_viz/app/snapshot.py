@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.paths import look_again
 from maurice_loaders.files.writing import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
 from maurice_mcl.values import expected_one_of
@@ -164,7 +165,8 @@ def _recorded_span(source: Path, asked: Sequence[int]) -> tuple[int, int] | None
 
 def _expect_recording(source: Path) -> None:
     if not source.is_file():
-        raise InputError(source, "found no such recording; replay a session with -o FILE.rrd to make one")
+        advice = look_again(source, "replay a session with -o FILE.rrd to make one")
+        raise InputError(source, f"found no such recording; {advice}")
     expect_whole_frames(source)
 
 

@@ -6,7 +6,7 @@ import difflib
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import Parameter, Signature, signature
@@ -229,7 +229,10 @@ class ReplayByDefault(CommandList):
             word = args[0]  # neither an option, an address nor a file: a mistyped command, probably
             is_path = word.startswith("-") or "://" in word or Path(word).exists()
             if not is_path and not ctx.resilient_parsing:
-                nearest = _nearest(word, self.list_commands(ctx))
+                from maurice_loaders.files.paths import nearest_path
+
+                path = nearest_path(Path(word))
+                nearest = _nearest(word, self.list_commands(ctx), [] if path is None else [str(path)])
                 fail(f"{word}: there is no session or command of that name; {nearest}")
             args = ["replay", *args]
         return super().parse_args(ctx, args)
@@ -274,9 +277,11 @@ def _join_pairs_of_bash() -> None:
         os.environ |= {"COMP_WORDS": joined, "COMP_CWORD": str(int(os.environ["COMP_CWORD"]) - words)}
 
 
-def _nearest(word: str, commands: list[str]) -> str:
-    matches = difflib.get_close_matches(word, commands, n=1)
-    return f"did you mean the command {matches[0]}?" if matches else "maurice-replay --help lists commands"
+def _nearest(word: str, commands: Sequence[str], paths: Sequence[str] = ()) -> str:
+    matches = difflib.get_close_matches(word, [*paths, *commands], n=1)
+    if not matches:
+        return "maurice-replay --help lists commands"
+    return f"did you mean {matches[0]}?" if matches[0] in paths else f"did you mean the command {matches[0]}?"
 
 
 def load(listed: Listed) -> TyperCommand:

@@ -13,13 +13,13 @@ import numpy as np
 from maurice_loaders.bags.containers import looks_like_bag
 from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.paths import look_again
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.observations import SCAN_GATE, Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, first_truth
-from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
@@ -133,13 +133,6 @@ def open_session(
     if not isinstance(source, (str, Path)):
         return source
     path = Path(source)
-    if not path.exists():
-        raise InputError(path, "there is no such file or folder; check the path")
-    if is_saved(path):
-        from maurice_loaders.runs.store import open_runs  # loads polars, which a plain replay does without
-
-        session_path = open_runs(path)[0].manifest.session.path
-        raise InputError(path, f"found a saved run, expected a recording; its session is {session_path}")
     form = chosen(path, reading)
     session = open_any(path, replace(reading, format=form.name))
     for text in form.remarks:
@@ -173,7 +166,8 @@ def open_library_for(
         )
         raise InputError(session.path, missing)
     if not path.exists():
-        raise InputError(path, "found no such library, survey or map; name one with --library or --map")
+        advice = look_again(path, "name one with --library or --map")
+        raise InputError(path, f"found no such library, survey or map; {advice}")
     if path.suffix.lower() in MAP_PICTURES:
         raise InputError(path, "found a picture, expected the map.yaml that goes with it")
     return library_at(path, listener, keep_going=keep_going)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.paths import look_again
 from maurice_loaders.session_log.header import drive_name
 
 from ..entities import VERDICT, Phase, Place, open_command
@@ -366,7 +367,7 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
     from rerun.chunk import RrdReader
 
     if not path.is_file():
-        raise InputError(path, "no such file; expected a Rerun recording (.rrd)")
+        raise InputError(path, f"found no such file, expected a Rerun recording (.rrd); {look_again(path)}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that a killed recording lacks its end
@@ -394,7 +395,6 @@ def _remark_size(
 
 def _command(name: str) -> str:
     """Return a command as this shell can find it: by name, or beside our own Python."""
-    if shutil.which(name):
-        return name
     path = Path(sys.executable).parent / name
-    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
+    near = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return name if shutil.which(name) else str(near)

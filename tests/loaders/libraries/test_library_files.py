@@ -203,7 +203,7 @@ def test_poses_too_far_off_and_a_map_too_large(
 
 
 def test_no_library(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"found no manifest\.json in it, expected a library folder"):
+    with pytest.raises(InputError, match="found an empty folder, expected a library"):
         load_library(tmp_path)
 
 

@@ -326,7 +326,7 @@ def tampered(table: str, column: str, more: int | None) -> Callable[[Path], None
 
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
-    "no manifest": (lambda f: (f / "manifest.json").unlink(), "found no manifest.json"),
+    "no manifest": (lambda f: (f / "manifest.json").unlink(), "found a folder with configuration.toml"),
     "broken manifest": (lambda f: cut_end(f / "manifest.json"), "is no manifest"),
     "deep manifest": (lambda f: (f / "manifest.json").write_text("[" * 100_000), "nested too deeply"),
     "other format": (lambda f: edit(f / "manifest.json", format="x"), "expected 'maurice-run'"),

@@ -186,10 +186,10 @@ def test_what_is_no_saved_run_is_refused(saved, small_session, tmp_path):
     for options in (["--particles", "3"], ["--feature", "color"], ["--save-run", "x"], ["--seed", "1"]):
         maurice("kept", *options, expect=2)
     (tmp_path / "empty").mkdir()
-    assert "found no manifest.json" in one_line(maurice("verify", "empty", expect=1)[1])
+    assert "found an empty folder" in one_line(maurice("verify", "empty", expect=1)[1])
     assert "folder" in one_line(maurice("empty", expect=1)[1])
     maurice("library", "build", "survey.log", "-o", "lib")
-    assert "'maurice-library', expected 'maurice-run'" in one_line(maurice("lib", expect=1)[1])
+    assert "found a library, expected a saved run" in one_line(maurice("lib", expect=1)[1])
 
 
 def test_a_full_disk_prints_the_figures_so_far_and_one_line(small_session, tmp_path, monkeypatch):

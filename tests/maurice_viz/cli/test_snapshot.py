@@ -41,7 +41,7 @@ def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.gif", expect=1)[1])
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
-    assert "found no such folder" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
+    assert "found no such file or folder" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
     (tmp_path / "a.png").write_bytes(b"earlier")
     assert "--force" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert (tmp_path / "a.png").read_bytes() == b"earlier"
