@@ -5,17 +5,30 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
+from helpers import viz_fakes as fakes
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders.errors import InputError
 from maurice_mcl.values.arrays import U8
+from maurice_viz import style
+from maurice_viz.app.compare import MOST_RUNS
 from maurice_viz.cli.app import app
+from maurice_viz.drawing.canvas import map_extent
+from maurice_viz.entities import NODES, STEP
+from maurice_viz.panels.views import MAP, plane_view, untitled, window
+from maurice_viz.panels.world import draw_world
+from maurice_viz.viewer import sinks
 from maurice_viz.viewer.snapshot import Viewer, headless_viewer, software_driver
 
 needs_renderer = pytest.mark.skipif(
@@ -65,6 +78,51 @@ def panels_of(layout: str) -> dict[str, tuple[int, ...]]:
     return {name: tuple(map(int, box)) for name, *box in words}
 
 
+# Colors that are counted in a panel: near enough to be that color, and not its mixture at the edge of a line.
+ALIKE = 12  # levels of red, green and blue
+COUNTED = {f"run {k + 1}": color for k, color in enumerate(style.RUN_COLORS)}
+MAPS = ("belief", "circles", "before", "after", "map", "clouds")  # panels with walls; letters are as gray
+COLORS = STORED / "colors.json"
+FEW_PIXELS, COUNT_CHANGED = 60, 0.25  # a difference that may be, of pixels and of their number
+
+
+def of_color(image: U8, color: style.RGB) -> NDArray[np.bool_]:
+    """Return which pixels (H, W) of a picture (H, W, 3) in BGR have a color."""
+    return np.asarray((np.abs(image.astype(int) - color[::-1]) <= ALIKE).all(axis=2))
+
+
+def counted_colors(image: U8, layout: str) -> dict[str, dict[str, int]]:
+    """Count the pixels of each color in each panel."""
+    counts: dict[str, dict[str, int]] = {}
+    for panel, box in panels_of(layout).items():
+        colors = COUNTED | ({"walls": style.WALL} if panel in MAPS else {})
+        found = {name: int(of_color(image[_within(box)], color).sum()) for name, color in colors.items()}
+        counts[panel] = {name: count for name, count in found.items() if count > FEW_PIXELS}
+    return counts
+
+
+def assert_colors_as_stored(image: U8, layout: str) -> None:
+    """Compare how many pixels of each panel are walls, or a run's, with those of the stored picture."""
+    found = counted_colors(image, layout)
+    known = json.loads(COLORS.read_text()) if COLORS.exists() else {}
+    if os.environ.get(REMAKE):
+        known[layout] = found
+        COLORS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+    for panel, counts in known[layout].items():
+        for name, count in counts.items():
+            off, may_be = abs(found[panel].get(name, 0) - count), FEW_PIXELS + COUNT_CHANGED * count
+            assert off <= may_be, (
+                f"{layout}, {panel}: {found[panel].get(name, 0)} pixels are {name}, once {count}"
+            )
+
+
+def recolored(image: U8, old: style.RGB, new: style.RGB) -> U8:
+    """Return a picture with another color in place of one."""
+    changed = image.copy()
+    changed[of_color(image, old)] = new[::-1]
+    return changed
+
+
 def recorded(out: Path, *args: str) -> Path:
     result = CliRunner().invoke(app, [*args, "-o", str(out)])
     assert result.exit_code == 0, result.output
@@ -110,6 +168,62 @@ def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session, tm
             image = taken(viewer, "step", 10)
             assert_filled(image, panels_of(layout))
             assert_looks_as_stored(image, layout)
+            assert_colors_as_stored(image, layout)
+            if layout == "story" and not os.environ.get(REMAKE):
+                assert_faults_are_seen(image, layout, style.WALL, style.RUN_COLORS[0])
+
+
+def assert_faults_are_seen(image: U8, layout: str, *old: style.RGB) -> None:
+    """Plant faults that gray levels on average do not show: one color in place of another."""
+    for color in old:
+        with pytest.raises(AssertionError, match="pixels are"):
+            assert_colors_as_stored(recolored(image, color, style.RUN_COLORS[2]), layout)
+
+
+@pytest.mark.slow
+@needs_renderer
+def test_walls_are_seen_whatever_the_number_of_runs(tmp_path):
+    """The viewer makes depths of draw orders by the entities of a view (see `style.Order`)."""
+    write_small_survey(tmp_path)
+    session = write_small_session(tmp_path, carried_at=7)
+    for count in range(1, MOST_RUNS + 1):
+        command = ["compare", str(session), "--start=global", *(f"--seed={k}" for k in range(count))]
+        out = recorded(tmp_path / f"{count}.rrd", *command[count == 1 :])
+        with headless_viewer(out) as viewer:
+            for layout, step in (("story", 9), ("compare", 1))[: 1 + (count > 1)]:
+                viewer.show_layout(
+                    layout
+                )  # at step 1 the clouds are all over the map, and so is the close-up
+                image = taken(viewer, "step", step)
+                walls = int(of_color(image[150:560, :480], style.WALL).sum())
+                print(count, layout, walls)
+                assert walls > 1000, f"{walls} pixels are walls in {layout} of {count} runs"
+
+
+@needs_renderer
+def test_every_layer_is_seen_whatever_the_number_of_entities(tmp_path):
+    """One view for each number of entities over the walls: none of them loses its walls, or its nodes."""
+    library, side = fakes.make_library(), 8
+    scale = style.scale_for("in", library.arena)
+    extent = map_extent(library.arena, scale)
+    more = [f"/more/{number}" for number in range(side * side)]
+    views = [plane_view("x", [*MAP, NODES, *more[:count]], extent) for count in range(side * side)]
+    body = untitled(rrb.Vertical(rrb.Grid(*views, grid_columns=side)))
+    out = tmp_path / "layers.rrd"
+    with sinks.to_file(out, "x", window(body)) as rec:
+        draw_world(rec, library, scale)
+        for number, path in enumerate(more):
+            rec.log(path, rr.Points2D(positions=[], draw_order=100 + number), static=True)
+        rec.set_time(STEP, sequence=1)
+        rec.log("/any", rr.Scalars(1.0))
+    with headless_viewer(out) as viewer:
+        image = taken(viewer, "step", 1)
+    top, bottom = 40, 965
+    for name, color in (("walls", style.WALL), ("nodes", style.NODE)):
+        seen = of_color(image, color)[top:bottom]
+        cells = [np.array_split(row, side, axis=1) for row in np.array_split(seen, side)]
+        counts = np.array([[cell.sum() for cell in row] for row in cells])
+        assert counts.min() > 0.7 * np.median(counts) > 20, f"{name}: {counts.tolist()}"
 
 
 @pytest.mark.slow
@@ -137,6 +251,9 @@ def test_a_comparison_is_filled_and_looks_as_it_did(small_session, tmp_path):
         image = taken(viewer, "step", 10)
     assert_filled(image, panels_of("compare"))
     assert_looks_as_stored(image, "compare")
+    assert_colors_as_stored(image, "compare")
+    if not os.environ.get(REMAKE):
+        assert_faults_are_seen(image, "compare", *style.RUN_COLORS[:2])
 
 
 @pytest.mark.slow

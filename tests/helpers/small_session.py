@@ -49,8 +49,13 @@ def write_small_survey(folder: Path) -> Path:
     return path
 
 
-def write_small_session(folder: Path, *, truth: bool = True, updates: int = UPDATES) -> Path:
-    """A drive on a circle; its odometry is exact, so that the generic motion model serves well."""
+def write_small_session(
+    folder: Path, *, truth: bool = True, updates: int = UPDATES, carried_at: int | None = None
+) -> Path:
+    """A drive on a circle; its odometry is exact, so that the generic motion model serves well.
+
+    Before the update `carried_at`, counted from 0, the robot is carried away.
+    """
     path = folder / "session.log"
     pose = np.array([1.6, 0.6, 0.3])
     info = SessionInfo("kleine Fahrt", "m", start=pose, survey=folder / "survey.log", arena=small_arena())
@@ -59,6 +64,9 @@ def write_small_session(folder: Path, *, truth: bool = True, updates: int = UPDA
             motion = np.array([0.12, 0.0, 0.21])
             pose = compose(pose, motion)
             log.odometry(2.0 * step + 1, motion)
+            if step == carried_at:
+                pose = np.array([0.5, 1.5, -2.0])
+                log.event(2.0 * step + 1, "kidnapped")
             log.image(2.0 * step + 2, picture_at(pose))
             if truth:
                 log.truth(2.0 * step + 2, pose)
