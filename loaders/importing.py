@@ -31,6 +31,7 @@ IMPORTED = FolderKind(
 GUARD_M = 0.5  # in rooms: neighbors look alike
 SESSION_PICTURES = 5  # at most so many of a run, evenly spread: standing still tells little
 LIBRARY_PICTURES = 1  # of a run, the middle one: others are near copies
+LEAST_STEPS, LEAST_REFERENCES = 20, 20  # with fewer a filter is not judged, and places are not told apart
 
 
 class PoseRow(NamedTuple):
@@ -108,6 +109,9 @@ class ImportSummary:
     nearest_reference_median_m: float  # from a session picture to the nearest library pose
     nearest_reference_max_m: float  # the same, at worst
     notes: tuple[str, ...]  # as the session's header has them
+    warnings: tuple[
+        str, ...
+    ] = ()  # where the drive or the library is too small to say anything, and what to do
 
 
 def import_pictures(
@@ -167,7 +171,28 @@ def import_pictures(
         nearest_reference_median_m=float(np.median(distances_m)),
         nearest_reference_max_m=float(distances_m.max()),
         notes=drive.info.notes,
+        warnings=tuple(_too_few(split, every, guard_m)),
     )
+
+
+def _too_few(split: Split, every: int, guard_m: float) -> Iterator[str]:
+    """Yield what is too small of a division to say anything, and what to do."""
+    steps, references = len(split.session), len(split.library)
+    if few_steps := steps < LEAST_STEPS:
+        yield f"the drive has {steps} steps: fewer than {LEAST_STEPS} are too few to judge a filter by"
+    if few_references := references < LEAST_REFERENCES:
+        guarded = f"; {split.guarded_runs} places are within {guard_m:.3g} m of the drive" * bool(
+            split.guarded_runs
+        )
+        least = f"fewer than {LEAST_REFERENCES} hardly tell places apart"
+        yield f"the library has {references} references: {least}{guarded}"
+    if few_steps and not few_references:
+        yield f"a smaller --every than {every} gives the drive more"
+    elif few_references and not few_steps:
+        yield f"a larger --every than {every} gives the library more"
+    elif few_steps:
+        apart = "record the library and the drive apart, and use `maurice-replay library build` for the first"
+        yield f"{split.runs} places are too few for both: {apart}"
 
 
 def _info(poses: F64, every: int, guard_m: float, *, named: Path, timed: bool) -> SessionInfo:

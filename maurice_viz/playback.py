@@ -11,6 +11,7 @@ from itertools import chain, islice
 
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
+from maurice_mcl.reasons.rivals import RivalFinder
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.scoring.comparison import (
@@ -125,6 +126,7 @@ class ResultCollector:
         self._reckonings = {
             label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
         }
+        self._other_drives, self._rivals = frozenset(other_drives), RivalFinder()
         self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
@@ -148,12 +150,16 @@ class ResultCollector:
                 reckoning.add(moment, record)
             self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
+        same = [label for label in steps if label not in self._other_drives]
+        estimates = {label: steps[label][1].estimate.pose for label in same}
+        knows = {label: self._verdicts[label].signal.knows for label in same}
+        self._rivals.add(steps[same[0]][0].frame.step, estimates, knows)
         pairings = self._pairings.items()
         return {label: pairing.see(steps[pairing.first], steps[label]) for label, pairing in pairings}
 
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""
-        return {label: self._verdict(label) for label in self._verdicts}
+        return self._rivals.explain({label: self._verdict(label) for label in self._verdicts})
 
     def _verdict(self, label: str) -> RunVerdict:
         reckoning = self._reckonings[label]
@@ -162,12 +168,15 @@ class ResultCollector:
 
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
-        return [self._result(label, scorer.result()) for label, scorer in self._scorers.items()]
+        verdicts = self.verdicts()
+        return [
+            self._result(label, scorer.result(), verdicts[label]) for label, scorer in self._scorers.items()
+        ]
 
-    def _result(self, label: str, score: RunScore) -> RunResult:
+    def _result(self, label: str, score: RunScore, verdict: RunVerdict) -> RunResult:
         took_s = self._took_s[label]
         per_s = score.updates / took_s if took_s > 0 else None
-        verdict, signal = self._verdict(label), self._verdicts[label].signal.summary()
+        signal = self._verdicts[label].signal.summary()
         result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

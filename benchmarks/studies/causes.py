@@ -3,6 +3,7 @@
     python -m benchmarks.studies.causes -o out/causes            # the judged set; goes on where it stopped
     python -m benchmarks.studies.causes -o out/causes --write    # and the table goes into docs/diagnose.md
     python -m benchmarks.studies.causes --set develop --kinds motion lighting --show    # while tuning
+    python -m benchmarks.studies.causes --without-truth --drives 6 --write    # the diagnosis has no truth
 
 Nothing was tuned on the drives of the judged set; one of its worlds is seen nowhere else. A planted run
 counts only where the cause did harm: the run is lost with it, and the same filter is not lost without it.
@@ -16,6 +17,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +25,16 @@ import cv2
 import joblib
 
 from maurice_datasets.trials.statistics import rate
-from maurice_mcl.reasons.causes import CAUSES, Failure
+from maurice_mcl.reasons.causes import CAUSES, UNKNOWN, Failure
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
+from maurice_mcl.reasons.second_opinion import SecondOpinion
 
 from .planted.places import SETS
 from .planted.planting import PLACES, planted
 from .planted.ways import HEALTHY, WAYS
 
 DOCS = Path(__file__).parents[2] / "docs" / "diagnose.md"
-MARK = "planted causes"
+MARK, MARK_WITHOUT = "planted causes", "planted causes, without truth"
 NONE = "none"
 DRIVES = 20  # of each kind in which the cause did harm
 MOST_TRIED = 3
@@ -41,21 +44,22 @@ Row = dict[str, Any]
 def main() -> None:
     asked = asked_of("causes", __doc__ or "", list(WAYS), "docs/diagnose.md")
     cv2.setNumThreads(1)
-    file = asked.output / f"{asked.set}.jsonl"
+    file = asked.output / f"{asked.set}{'-without-truth' if asked.without_truth else ''}.jsonl"
     if asked.anew and file.exists():
         file.unlink()
     rows = known(file)
     while jobs := jobs_of(rows, asked.kinds, asked.drives):
-        for row in made(asked.set, jobs, asked.jobs):
+        for row in made(asked.set, jobs, asked.jobs, asked.without_truth):
             rows.append(row)
             keep(file, row)
             if asked.show:
                 print(said(row), flush=True)
     chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
-    text = "\n".join([*table(chosen), "", *notes(chosen)])
+    about = suspicions(chosen) if asked.without_truth else notes(chosen)
+    text = "\n".join([*table(chosen), "", *about])
     print(text)
     if asked.write:
-        write(text)
+        write(text, mark=MARK_WITHOUT if asked.without_truth else MARK)
 
 
 def asked_of(name: str, about: str, kinds: Sequence[str], page: str) -> argparse.Namespace:
@@ -68,6 +72,7 @@ def asked_of(name: str, about: str, kinds: Sequence[str], page: str) -> argparse
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--anew", action="store_true", help="diagnose again what was diagnosed before")
     parser.add_argument("--show", action="store_true", help="print every diagnosis with its evidence")
+    parser.add_argument("--without-truth", action="store_true", help="keep the truth from the diagnosis")
     parser.add_argument("--write", action="store_true", help=f"put the table into {page}")
     return parser.parse_args()
 
@@ -93,27 +98,30 @@ def first_of(rows: Iterable[Row], kind: str, drives: int) -> list[Row]:
     return of_kind[: counted[-1] + 1] if len(counted) == drives else of_kind
 
 
-def made(which: str, jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[Row]:
+def made(
+    which: str, jobs: Sequence[tuple[str, int]], workers: int, without_truth: bool = False
+) -> Iterator[Row]:
     """Diagnose all runs, each as soon as a process is free: pictures of the last drives are kept in each."""
     parallel = joblib.Parallel(workers, return_as="generator_unordered", batch_size=1)
-    yield from parallel(joblib.delayed(diagnosed)(which, kind, number) for kind, number in jobs)
+    row = joblib.delayed(diagnosed)
+    yield from parallel(row(which, kind, number, without_truth) for kind, number in jobs)
 
 
-def diagnosed(which: str, kind: str, number: int) -> Row:
-    """Make one run and diagnose it."""
+def diagnosed(which: str, kind: str, number: int, without_truth: bool = False) -> Row:
+    """Make one run and diagnose it; without truth with the second opinion that a replay has."""
     cv2.setNumThreads(1)
-    return _row(which, kind, number)
-
-
-def _row(which: str, kind: str, number: int) -> Row:
     world, arena = SETS[which].place_of(number)
     row: Row = {"planted": kind, "number": number, "world": Path(world).stem, "arena": arena}
     run = planted(kind, number, which)
     if run is None:
         return row | {"named": None, "way": "", "discarded": 0}
     builder = DiagnosisBuilder(run.localizer)
+    second = SecondOpinion.beside(run.localizer) if without_truth else None
     for moment, record in run.steps():
-        builder.add(moment, record)
+        if second is None:
+            builder.add(moment, record)
+        else:
+            builder.add(replace(moment, truth=None), second.added_to(record))
     row |= {"way": run.planting.way, "since": run.planting.since, "lost": run.outcome.lost_from}
     return row | {"discarded": run.discarded} | named(builder.result())
 
@@ -185,6 +193,21 @@ def notes(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def suspicions(rows: Sequence[Row]) -> list[str]:
+    """Return how often a cause was named without truth, and how often that was wrong."""
+    sick = [row for row in rows if row["planted"] != HEALTHY and row["named"]]
+    well = [row for row in rows if row["planted"] == HEALTHY and row["named"]]
+    noticed = [row for row in sick if row["named"] != NONE]
+    causes = [row for row in noticed if row["named"] != UNKNOWN]
+    wrong = rate(sum(row["named"] != row["planted"] for row in causes), len(causes))
+    doubted = sum(row["named"] != NONE for row in well)
+    return [
+        f"Of {len(sick)} runs that failed {len(noticed)} were doubted without truth; a cause was named in",
+        f"{len(causes)}, and was wrong in {round(wrong.value * wrong.count)} of these: {wrong.value:.0%} "
+        f"[{wrong.low:.0%}, {wrong.high:.0%}]. Of {len(well)} healthy runs {doubted} were doubted.",
+    ]
+
+
 def known(file: Path) -> list[Row]:
     """Return the rows that were made before."""
     if not file.is_file():
@@ -199,10 +222,10 @@ def keep(file: Path, row: Mapping[str, Any]) -> None:
         out.write(json.dumps(row) + "\n")
 
 
-def write(text: str, docs: Path = DOCS) -> None:
+def write(text: str, docs: Path = DOCS, mark: str = MARK) -> None:
     """Put the table between its marks in the docs, `<!-- planted causes -->` and `<!-- end -->`."""
     page = docs.read_text(encoding="utf-8")
-    marked = re.compile(rf"(<!-- {MARK} -->\n).*?(<!-- end -->)", re.DOTALL)
+    marked = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
     docs.write_text(marked.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page), encoding="utf-8")
 
 

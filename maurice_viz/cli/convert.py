@@ -237,13 +237,16 @@ def pictures(
 
 def _report(summary: ImportSummary) -> None:
     lines = [
-        f"{summary.session}: {summary.session_pictures} pictures of {summary.session_runs} runs",
-        f"{summary.survey}: {summary.library_pictures} pictures; {summary.guarded_runs} of {summary.runs} "
-        "runs left out, too close to the session's",
+        f"{summary.session}: a drive of {summary.session_pictures} steps, at {summary.session_runs} of "
+        f"{summary.runs} places",
+        f"{summary.survey}: {summary.library_pictures} references; {summary.guarded_runs} places left out, "
+        "too close to the drive's",
         f"a session picture is {summary.nearest_reference_median_m:.2f} m from the nearest reference "
         f"(median; at most {summary.nearest_reference_max_m:.2f} m)",
     ]
     results.say("\n".join(lines))
+    for text in summary.warnings:
+        note(f"warning: {text}")
     for text in summary.notes:
         note(f"note: {text}")
     note(f"now try: maurice-replay compare {summary.session}")

@@ -18,7 +18,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.reasons.causes import UNKNOWN, Failure
+from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring import events as kinds
 from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_mcl.values import F64, first_word
@@ -152,7 +152,8 @@ def _fitting(words: Sequence[str], width_px: float) -> str:
     """Return as many words, from the first on, as so much room holds, else what is before their colons."""
     words = [*dict.fromkeys(words)]
     for count in range(len(words), 0, -1):
-        for some in (words[:count], [word.split(":")[0] for word in words[:count]]):
+        states = [word.split(":")[0] for word in words[:count]]
+        for some in (words[:count], states, [state.split(",")[0] for state in states]):
             text = ", ".join(some)
             if len(text) * LETTER_PX + AROUND_PX <= width_px:
                 return text
@@ -344,8 +345,6 @@ class LanesDrawing:
         together = look_of_state(kinds.CONVERGED)  # without truth, of a run that is doubted only at the end
         for number, run in enumerate(self._runs):
             for failure in failures.get(run.label, ()):
-                if failure.kind == UNKNOWN:  # the lane says what it was, as before
-                    continue
                 first, last = failure.episode.first, failure.episode.last
                 old, cause = [*lost, together], look_of_state(kinds.LOST, failure)
                 self._shared.explain(self._rec, 1 + number, first, last, old, cause)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from maurice_mcl.reasons.causes import Failure
-from maurice_mcl.scoring.events import KINDS, LOST, OF_LOG, PROBABLY_LOST
+from maurice_mcl.scoring.events import CONVERGED, KINDS, LOST, OF_LOG, PROBABLY_LOST
 
 from ..panels.events import look_of_state, name_of, word_of
 from ..running.saved_steps import Collected, Track
@@ -94,7 +94,7 @@ class DrawnLanes:
         rows = zip(steps.astype(int).tolist(), track.states, strict=True)
         for (state, cause), stretch in groupby(rows, lambda row: (row[1], _cause(row[0], row[1], failures))):
             numbers = [step for step, _ in stretch]
-            look = look_of_state(state, cause)
+            look = look_of_state(state if cause is None else LOST, cause)
             first, last = self._across(numbers[0] - 0.5), self._across(numbers[-1] + 0.5)
             yield State(first, last - first, look.word, look.color, steps_text(numbers[0], numbers[-1]))
 
@@ -105,8 +105,11 @@ class DrawnLanes:
 
 
 def _cause(step: int, state: str, failures: Sequence[Failure]) -> Failure | None:
-    """Return why a run was lost at a step; None where it was not, or where that is not known."""
-    if state not in (LOST, PROBABLY_LOST):
+    """Return why a run was lost at a step; None where it was not.
+
+    Without truth some doubts are known only at the end, and the state was that of dots together.
+    """
+    if state not in (LOST, PROBABLY_LOST, CONVERGED):
         return None
     at_step = (failure for failure in failures if failure.episode.first <= step <= failure.episode.last)
     return next(at_step, None)

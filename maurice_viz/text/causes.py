@@ -7,7 +7,6 @@ from typing import Any
 
 from maurice_mcl.reasons import causes as kinds
 from maurice_mcl.reasons.causes import Failure, Incident
-from maurice_mcl.reasons.suspicion import LOG_SAYS
 from maurice_mcl.scoring.events import (
     CONVERGED,
     FAILURE,
@@ -44,6 +43,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "over_usual_nats": "cost above the usual",
     "corrected_nats": "cost once made as bright",
     "times_usual": "cost, usual = 1",
+    "times_before": "cost, before = 1",
     "channel": "channel that costs most",
     "channel_nats": "cost of that channel",
     "elements": "its elements that cost most",
@@ -76,6 +76,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
 }
 STEPS = {"worst_step", "held_until", "came", "died", "last"}  # of evidence, whose values are steps
 UNEXPLAINED = "not explained by anything that is looked for"
+NOT_KNOWN = "the cause is not known"
 WITHOUT_TRUTH = " (without ground truth)"
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
@@ -98,8 +99,27 @@ def with_failures(
 def say_cause(failure: Failure, scale: Scale) -> str:
     """Return the cause as a clause: "the robot was carried 2.13 m at step 18, unseen by its odometry"."""
     clause = (laser_causes.CLAUSES if failure.has_laser else CLAUSES).get(failure.kind)
+    if failure.kind == kinds.UNKNOWN and not failure.truth_known:
+        return f"{say_rival(failure, scale) or _off_beams(failure)}{WITHOUT_TRUTH}"
     text = UNEXPLAINED if clause is None else clause(failure, failure.evidence, scale)
     return text if failure.truth_known else f"{text}{WITHOUT_TRUTH}"
+
+
+def say_rival(failure: Failure, scale: Scale) -> str:
+    """Return which other run fits the pictures elsewhere, as a clause; empty where none does."""
+    if "rival" not in failure.evidence:
+        return ""
+    sees = "scans" if failure.has_laser else "pictures"
+    away = scale.say(float(failure.evidence["apart_m"]))
+    return f"`{failure.evidence['rival']}` fits these {sees} {away} away"
+
+
+def _off_beams(failure: Failure) -> str:
+    """Return how much of the scans disagrees with the map, where that is all that is known."""
+    if "off_beams" not in failure.evidence:
+        return NOT_KNOWN
+    share = f"{float(failure.evidence['off_beams']):.0%}"
+    return f"{share} of the beams disagree with the map at the estimate; {NOT_KNOWN}"
 
 
 def say_failure(failure: Failure, scale: Scale) -> str:
@@ -147,10 +167,8 @@ def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    if not failure.truth_known and e.get("told") == LOG_SAYS:
-        return f"the robot was carried away at step {failure.first}, as the log says"
     if not failure.truth_known:
-        return f"the pictures from step {failure.first} on fit other places, as after a kidnapping"
+        return f"the robot was carried away at step {failure.first}, as the log says"
     by = f" {scale.say(e['moved_m'])}" if "moved_m" in e else " away"
     return f"the robot was carried{by} at step {failure.first}, unseen by its odometry"
 
@@ -195,17 +213,20 @@ def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    times = f"{e['brightness']:.2g} times as bright as the references there"
-    levels = f"mean gray level {e['level']:.0f}, expected {e['expected_level']:.0f}"
+    there = "the references there"
+    if not failure.truth_known:
+        there = f"the {'darkest' if e['brightness'] < 1 else 'brightest'} reference"
+    times = f"{e['brightness']:.2g} times as bright as {there}"
+    not_this = "expected" if failure.truth_known else "not"
+    levels = f"mean gray level {e['level']:.0f}, {not_this} {e['expected_level']:.0f}"
     return f"the pictures are {times} from step {failure.first} on ({levels})"
 
 
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if not failure.truth_known:
-        return (
-            f"the pictures from step {failure.first} on fit no reference as well as before, and are as bright"
-        )
-    how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}{_bins(e)}"
+        times = f"the best of all costs {e['times_usual']:.1f} times the usual"
+        return f"the pictures from step {failure.first} on fit no reference of the library ({times})"
+    how = f"{_times(e)}, most by {e['channel']}{_bins(e)}"
     return f"the pictures from step {failure.first} on do not show what the references there do ({how})"
 
 
@@ -214,13 +235,20 @@ def _sensor(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     some, most = f"{e['pictures']} of {e['of_pictures']} pictures", f"most by {e['channel']}{_bins(e)}"
     rank = f"rank {e['rank']:.0f} of {e['references']:.0f}"
     if e["behind_nats"] <= 0:
-        times = f"{e['times_usual']:.1f} times the usual cost"
-        return f"{some} fit the true place badly, but no other better ({times}, {most}; the truth has {rank})"
+        cost = f"{_times(e)}, " if _times(e) else ""
+        return f"{some} fit the true place badly, but no other better ({cost}{most}; the truth has {rank})"
     how = f"by {e['behind_nats']:.1f} nats, {most}"
     if e["rank"] <= 1:
         near = f"though the best reference is near it: {rank}"
         return f"{some} fit references of other places better than the true pose ({how}, {near})"
     return f"{some} fit wrong places better than the true one ({how}; the truth has {rank})"
+
+
+def _times(e: Mapping[str, Any]) -> str:
+    """Return how much more than usual, or than before, the true place costs; empty where it does not."""
+    if "times_usual" in e:
+        return f"{e['times_usual']:.1f} times the usual cost"
+    return f"{e['times_before']:.1f} times the cost before" if "times_before" in e else ""
 
 
 def _bins(e: Mapping[str, Any]) -> str:
@@ -240,7 +268,7 @@ def _bins(e: Mapping[str, Any]) -> str:
 
 
 def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    at = f"{scale.say(e['rival_x_m'])}, {scale.say(e['rival_y_m'])}"
+    at = f"x {scale.say(e['rival_x_m'])}, y {scale.say(e['rival_y_m'])}"
     if "places" not in e:
         alike = f"another place looks like the true one in {e['pictures']} pictures, at {at}"
         return f"{alike}: the cloud never decided"
@@ -319,7 +347,9 @@ STATE_WORDS = {
 
 
 def say_state(state: str, failure: Failure | None = None) -> str:
-    """Return a localization status; of a lost run with its cause, where that is known: "lost: too dark"."""
-    if failure is None or failure.kind == kinds.UNKNOWN:
+    """Return a localization status; of a lost run how sure it was and why: "lost, sure of ...: too dark"."""
+    if failure is None:
         return STATE_WORDS.get(state, state)
-    return f"{LOST if failure.truth_known else STATE_WORDS[PROBABLY_LOST]}: {failure.title}"
+    lost = LOST if failure.truth_known else STATE_WORDS[PROBABLY_LOST]
+    sure = f", {STATE_WORDS[WRONG]}" if failure.episode.is_sure else ""
+    return f"{lost}{sure}" if failure.kind == kinds.UNKNOWN else f"{lost}{sure}: {failure.title}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
+from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.modes import gains_by_channel, picture_gain
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
@@ -79,7 +80,8 @@ def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
         )
     first, second, *_ = off
     if closest(steps, radii) is None:
-        return f"`{first}` and `{second}` are equally close, {scale.say(off[first])} off."
+        both = f"{scale.say(off[first])} and {scale.say(off[second])} off"
+        return f"`{first}` and `{second}` are about equally close: {both}."
     return f"`{first}` is **{scale.say(off[second] - off[first])} closer** than `{second}`."
 
 
@@ -145,25 +147,46 @@ def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
             continue
         parted = "" if paired.parted_at is None else f" They part at step {paired.parted_at}."
         if paired.position is not None:
-            lines.append(f"{_difference(result, paired.position, scale)}{parted}")
+            lines.append(f"{_difference(results[0], result, paired.position, scale)}{parted}")
         elif paired.apart_mean_m is not None:
             apart = scale.say(paired.apart_mean_m)
             lines.append(f"`{result.label}` is {apart} from it.{parted}")
     if not lines:
         return NOT_YET
-    return "\n".join(
-        [f"Over the drive, against `{results[0].label}`, on average:\n", *(f"* {line}" for line in lines)]
+    return "\n".join([f"Over the drive, against `{results[0].label}`:\n", *(f"* {line}" for line in lines)])
+
+
+def not_averaged(*results: RunResult) -> str:
+    """Return which runs failed, so that an average tells nothing: "`a` was lost from step 41"; or empty."""
+    failed = [(run.label, e) for run in results for e in run.verdict.episodes if e.is_failure]
+    first = dict(reversed(failed))
+    was = {True: "not localized", False: "lost"}
+    return " and ".join(
+        f"`{label}` was {was[episode.kind == SEARCHING]} from step {episode.onset}"
+        for label, episode in reversed(first.items())
     )
 
 
-def _difference(result: RunResult, off: ErrorDifference, scale: Scale) -> str:
-    mean = f"`{result.label}` is **{_closer(off.mean, scale)}**"
+def _difference(first: RunResult, result: RunResult, off: ErrorDifference, scale: Scale) -> str:
     steps = f"closer at {off.better} of {off.updates} steps"
+    if lost := not_averaged(first, result):
+        return f"`{result.label}` is {steps}. No average, as {lost}."
+    mean = f"`{result.label}` is **{_closer(off.mean, scale)}** on average"
+    chance = "hardly chance" if off.is_sure else "**may be chance**"
+    if off.agrees:
+        which = "closer" if off.better else "farther"
+        return f"{mean}, {which} at every one of {off.updates} steps, {blocks_of(off)}: {chance}."
     if off.interval is None:
-        return f"{mean}, {steps}: **may be chance**, as the steps are few or one stretch of them decides."
+        return f"{mean}, {steps}: {chance}, as the steps are few or one stretch of them decides."
     low, high = off.interval
-    chance = "**may be chance**" if low <= 0 <= high else "hardly chance"
     return f"{mean} (95 %: {_closer(high, scale)} to {_closer(low, scale)}): {chance}; {steps}."
+
+
+def blocks_of(off: ErrorDifference) -> str:
+    """Return the sample that steps which all agree are: "6 blocks of 19 that count as one each"."""
+    if off.block == 1:
+        return "which count one each"
+    return f"{off.blocks} blocks of {off.block} that count as one each"
 
 
 def _closer(difference_m: float, scale: Scale) -> str:

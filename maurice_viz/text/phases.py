@@ -59,9 +59,10 @@ def effective(record: StepRecord) -> str:
 
 
 def say_estimate(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
-    """Return the estimate, its confidence and its error as a sentence."""
+    """Return the estimate, the weight near it and its error as a sentence."""
     estimate = record.estimate
-    text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
+    near = f"{estimate.confidence:.0%} of the weight within {scale.say(estimate.radii.confidence_m)}"
+    text = f"Estimate {scale.say_pose(estimate.pose)}; {near}"
     if truth is None:
         return f"{text} (truth not known)."
     off = offset(estimate.pose, truth)

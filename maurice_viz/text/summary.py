@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -23,9 +23,11 @@ from maurice_mcl.values import INCH_M, Radii
 from ..playback import RunResult
 from ..style import Scale, Units
 from .causes import say_failure, steps_text
+from .comparison import not_averaged
 from .verdict import say_verdict
 
 Cell = Callable[[RunResult], str]
+ONE_LOST = "one was lost"  # instead of an average
 UNDECIDED = "undecided"  # instead of an interval: the drive is too short, or one stretch of it decides
 
 
@@ -67,16 +69,27 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
         return []
     first, many = results[0].label, 1 / units.per_m
     degrees = float(np.deg2rad(1))
-    rows: list[tuple[str, Callable[[ComparisonResult], str]]] = [
+    lost = {run.label for run in results if not_averaged(results[0], run)}
+    averages: list[tuple[str, Callable[[ComparisonResult], str]]] = [
         (f"error against {first}, 95 % ({units.name})", lambda p: _against(p.position, many, units.digits)),
         (f"heading against {first}, 95 % (deg)", lambda p: _against(p.heading, degrees, 1)),
+    ]
+    rows: list[tuple[str, Callable[[ComparisonResult], str]]] = [
         (f"closer to the truth than {first}", lambda p: _closer(p.position)),
         (f"distance to {first}, mean ({units.name})", lambda p: _length(p.apart_mean_m, units)),
         (f"parts from {first}", _parts),
     ]
     return [
-        (name, ["" if run.paired is None else cell(run.paired) for run in results]) for name, cell in rows
+        *((name, [_cell(run, cell, lost) for run in results]) for name, cell in averages),
+        *((name, [_cell(run, cell) for run in results]) for name, cell in rows),
     ]
+
+
+def _cell(run: RunResult, cell: Callable[[ComparisonResult], str], lost: Collection[str] = ()) -> str:
+    """Return a cell of a run that is compared; of a run whose average would be that of a loss what it is."""
+    if run.paired is None:
+        return ""
+    return ONE_LOST if run.label in lost else cell(run.paired)
 
 
 def _against(difference: ErrorDifference | None, unit: float, digits: int) -> str:
@@ -87,7 +100,10 @@ def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str
     """Write a mean difference and its 95 % interval in multiples of `unit`: "-0.4 [-0.9, 0.1]"."""
     ends = () if difference.interval is None else difference.interval
     mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
-    return f"{mean} [{', '.join(interval) or UNDECIDED}]"
+    agreed = (
+        f"all {difference.blocks} blocks agree" if difference.agrees and difference.is_sure else UNDECIDED
+    )
+    return f"{mean} [{', '.join(interval) or agreed}]"
 
 
 def _closer(difference: ErrorDifference | None) -> str:
@@ -200,9 +216,10 @@ def _lost(result: RunResult) -> str:
         return "-"
     lost = [episode for episode in result.verdict.episodes if episode.lost is not None]
     if not lost:
-        return "no, goal reached" if result.score.reached else "no"
+        return "no"
     if lost[0].kind == SEARCHING and len(lost) == 1:
-        return "searched to the end" if lost[0].localized is None else f"no, searched to step {lost[0].last}"
+        never = lost[0].localized is None
+        return "never localized" if never else f"no, localized from step {lost[0].localized}"
     lost = [episode for episode in lost if episode.kind != SEARCHING]
     return f"at step {lost[0].lost}" + (f", {len(lost) - 1} more" if len(lost) > 1 else "")
 

@@ -22,9 +22,10 @@ from maurice_mcl.scoring.episodes import SEARCHING, Episode
 from ..entities import Phase, Place, open_command
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from ..style import Scale, capital
-from .causes import say_cause, say_incident
+from .causes import say_cause, say_incident, say_rival
 from .phases import of_scans
-from .verdict import NOTHING_YET, off_at
+from .verdict import NOTHING_YET, hardly_localized, off_at
+from .verdict import SURE as SURE_OF_WRONG
 
 TWO_LINES = 210  # letters
 MOSTLY = 0.5  # share of the steps at which the dots were together: from here on a run kept them so
@@ -116,12 +117,14 @@ def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
         after = f" off on average, {without} without the {alone.sensors}"
         return Outcome("did worse than odometry alone", error, after=after)
     if not verdict.has_truth:
-        return _without_truth(verdict)
+        return _without_truth(verdict, scale)
     episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
+    if few := hardly_localized(verdict):
+        sure, why = any(episode.is_sure for episode in episodes), _why(verdict)
+        did = f"{{was}} {few}{SURE_OF_WRONG if sure else ''}"
+        return Outcome(did, off, after=at_end, alone=f"; {why}" if why else "")
     if episodes:
         return _of_episodes(verdict, episodes, scale)
-    if verdict.localized is None and verdict.off:
-        return Outcome("{was} never localized", off, after=at_end)
     if verdict.localized is not None and verdict.localized > verdict.first:
         return Outcome("found {itself}", str(verdict.localized), "at step ", alone=f", {off} at the end")
     did = "{was} never lost" if verdict.off else f"{{was}} right at {verdict.every_step}"
@@ -135,10 +138,9 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     last, why = episodes[-1], _why(verdict)
     because = f"; {why}" if why else ""
     if last.localized is None and last is verdict.episodes[-1]:
-        sure = ", sure of a wrong place" if last.is_sure else ""
+        sure = SURE_OF_WRONG if last.is_sure else ""
         is_lost = verdict.end is None or verdict.end.lost
-        did = "{was} never localized" if last.kind == SEARCHING else "stayed lost"
-        did = did if is_lost or last.kind == SEARCHING else "{was} not localized again"
+        did = "stayed lost" if is_lost else "{was} lost and not localized again"
         return Outcome(f"{did}{sure}", off_at(verdict.end, scale), after=" at the end", alone=because)
     if last.localized is None:
         return Outcome("{was} lost", why)
@@ -159,11 +161,12 @@ def _why(verdict: RunVerdict) -> str:
     return "" if failure is None or failure.kind == UNKNOWN else failure.title
 
 
-def _without_truth(verdict: RunVerdict) -> Outcome:
+def _without_truth(verdict: RunVerdict, scale: Scale) -> Outcome:
     """Return what can be said of a run that no truth judges."""
     if verdict.failures:
         failure = verdict.failures[0]
-        why = "" if failure.kind == UNKNOWN else f": {failure.title}"
+        why = say_rival(failure, scale) if failure.kind == UNKNOWN else failure.title
+        why = f": {why}" if why else ""
         return Outcome("{was} probably lost", str(failure.episode.first), "from step ", why)
     share = f"{verdict.converged_share:.0%}"
     if verdict.converged_share < MOSTLY:
@@ -203,7 +206,7 @@ CROWDED, MOST_CROWDED = 3, 4  # runs beside whose pictures there is little room 
 LETTERS = 300  # that there is room for beside the pictures of four
 LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
 LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
-NOTICED = "Lane noticed: at **few count** few dots hold nearly all weight, at **reseeded** new ones begin"
+NOTICED = "Lane noticed: at **few heavy** few dots hold nearly all weight, at **reseeded** new ones begin"
 NOTICED_OF_TRUTH = "; at **3 sigma** the truth is far outside of the dots"
 GO_THERE = "Right-click a lane to go there."
 

@@ -15,6 +15,7 @@ from .causes import ROBOT_KIDNAPPED, say_cause, say_incident, steps_text
 
 SURE = ", sure of a wrong place"
 NOTHING_YET = "No step yet."
+MOSTLY = 0.5  # share of the steps
 MOST_INCIDENTS = 2  # that a line tells of
 ALIKE_Q = 0.1  # qualities that differ by less are about equal
 
@@ -135,6 +136,9 @@ def _fits(ambiguity: Ambiguity) -> str:
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     """Return what one run did: "was wrong from step 61, localized again from step 63 on"."""
     episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
+    if few := hardly_localized(verdict):
+        sure = _how_sure(episodes[-1], verdict, scale) if episodes else ""
+        return f"was {few}{sure} ({off_at(verdict.end, scale)} at the end){_beyond(verdict)}"
     if not episodes:
         return _never_wrong(verdict, scale)
     parts = [_say_episode(episode, verdict, scale, kidnapping_told) for episode in episodes[:2]]
@@ -142,12 +146,37 @@ def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     return f"{text}; and it was wrong {more} more time{'s' * (more > 1)}" if more else text
 
 
+def hardly_localized(verdict: RunVerdict) -> str:
+    """Return how right a run was that was localized at few steps or none, as a predicate without its verb.
+
+    Empty of a run that was localized at most steps since it first was, or that was lost.
+    """
+    lost = [episode for episode in verdict.episodes if episode.kind != SEARCHING]
+    if verdict.is_kept or lost or not verdict.judged:
+        return ""
+    steps, is_sure = f"of {verdict.judged} steps", any(episode.is_sure for episode in verdict.episodes)
+    sure = f"sure of it at only {verdict.sure}" if verdict.sure else "never sure of it"
+    if not verdict.off:
+        return f"right at {verdict.every_step}, but {sure}{f' {steps}' * bool(verdict.sure)}"
+    if verdict.right >= MOSTLY * verdict.judged and not is_sure:
+        return f"right at {verdict.right} {steps}, but {sure}"
+    if verdict.sure and verdict.sure == verdict.sure_lately:
+        return f"localized only at the last {verdict.sure} {steps}"
+    return f"localized at only {verdict.sure} {steps}" if verdict.localized else "never localized"
+
+
+def _beyond(verdict: RunVerdict) -> str:
+    """Return at how many steps a run was too far off that was not lost, as a clause."""
+    if not verdict.beyond or any(episode.lost is not None for episode in verdict.episodes):
+        return ""
+    steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
+    return f", beyond the lost radius at {steps}, but never at four in a row"
+
+
 def _say_episode(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     """Return one episode as a predicate, with how it ended."""
     sure = _how_sure(episode, verdict, scale)
     is_last = episode == verdict.episodes[-1]
-    if episode.kind == SEARCHING and episode.localized is None:
-        return f"was never localized{sure} ({off_at(verdict.end, scale)} at the end)"
     if episode.kind == SEARCHING:
         from_step = f"localized from step {episode.localized} on"
         return f"was confident of a wrong place at {episode.sure} steps before it was {from_step}"
@@ -190,7 +219,8 @@ def _how_sure(episode: Episode, verdict: RunVerdict, scale: Scale) -> str:
         text = SURE
         if worst is not None and episode.first <= worst.step <= episode.last:
             away = scale.say(worst.error_m)
-            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
+            within = f"within {scale.say(verdict.radii.cluster_m)} of a place {away} from the truth"
+            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {within}"
             is_bereft = worst.bereft
     is_bereft = is_bereft and not _why(verdict, scale)  # which says more
     return f"{text}, with no particle near" if is_bereft else text
@@ -199,17 +229,14 @@ def _how_sure(episode: Episode, verdict: RunVerdict, scale: Scale) -> str:
 def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
     """Return what is to be said of a run without an episode, or whose search ended well."""
     end = verdict.end
-    if verdict.localized is None or end is None:
-        return f"was not localized in {verdict.updates} steps ({off_at(end, scale)} at the end)"
-    if verdict.localized > verdict.first:
+    if end is None:
+        return f"was not judged: {off_at(end, scale)}"
+    if verdict.localized is not None and verdict.localized > verdict.first:
         right = "right" if end.correct else "too far off" if end.lost else "neither right nor lost"
         return (
             f"was localized from step {verdict.localized} on, and {right} at the end ({off_at(end, scale)})"
         )
-    how = f"right at {verdict.every_step}" if not verdict.off else "never lost"
-    if verdict.beyond:
-        steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
-        how = f"beyond the lost radius at {steps}, but never at four in a row"
+    how = f"right at {verdict.every_step}" if not verdict.off else f"never lost{_beyond(verdict)}"
     most = f"{scale.say(verdict.error_most_m or 0.0)} at most (step {verdict.most_at})"
     return f"was {how}: {scale.say(verdict.error_mean_m or 0.0)} off on average, {most}"
 

@@ -54,7 +54,9 @@ CAUSES: Mapping[str, CauseKind] = {
     ),
     SENSOR: CauseKind("pictures fit elsewhere", "the pictures fit wrong places better than the true one"),
     START: CauseKind("wrong start", "the filter began where the robot was not"),
-    FLAT: CauseKind("sensor too flat", "the model of the laser says less than the motion noise takes away"),
+    FLAT: CauseKind(
+        "likelihood too flat", "the model of the laser says less than the motion noise takes away"
+    ),
     RESAMPLING: CauseKind(
         "chance in resampling", "particles at the true place had weight, and were not copied, by chance"
     ),

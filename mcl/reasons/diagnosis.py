@@ -208,7 +208,12 @@ class DiagnosisBuilder:
         count, failures = self._known
         if count != len(self._updates):
             judged = any(update.score.correct is not None for update in self._updates)
-            failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, self.doubts)
+            around = self._finder.surroundings
+            failures = (
+                tuple(map(decide, self.stories()))
+                if judged
+                else suspected(self._updates, self.doubts, around)
+            )
             self._known = len(self._updates), failures
         return failures
 

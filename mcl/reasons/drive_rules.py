@@ -73,9 +73,7 @@ def _jumped(update: UpdateEvidence, story: Story) -> bool:
 
 def off_map(story: Story) -> Failure | None:
     """The truth lies off the map, or the whole cloud left it."""
-    outside = story.where(
-        story.window, lambda u: not u.broken and (u.cloud_left or (u.zero and u.inside == 0))
-    )
+    outside = story.where(story.window, has_left)
     surprising = story.where(story.window, _is_surprising)
     if outside and not any(u.step < outside[0].step for u in surprising):  # else motion had led it astray
         return cloud_left(story, outside)
@@ -83,6 +81,11 @@ def off_map(story: Story) -> Failure | None:
     if len(off) >= OUT_UPDATES:
         return story.failure(LEFT_MAP, off[0].step, truth="off the map", updates=len(off))
     return None
+
+
+def has_left(update: UpdateEvidence) -> bool:
+    """Return whether no particle of an update was in free space."""
+    return not update.broken and (update.cloud_left or (update.zero and update.inside == 0))
 
 
 def cloud_left(story: Story, outside: Sequence[UpdateEvidence]) -> Failure:
@@ -155,7 +158,7 @@ def weights_vanish(story: Story) -> Failure | None:
     broken = story.where(story.window, lambda u: u.broken)
     if broken:
         return story.failure(NUMERIC, broken[0].step, weights="not a number", updates=len(broken))
-    zero = story.where(story.window, lambda u: u.zero)
+    zero = story.where(story.window, lambda u: u.zero and not has_left(u))
     if zero:
         return story.failure(NUMERIC, zero[0].step, weights="all zero", updates=len(zero))
     known = story.where(story.window, lambda u: np.isfinite(u.spread_nats))

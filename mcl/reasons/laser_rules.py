@@ -114,14 +114,18 @@ def too_flat(story: Story) -> Failure | None:
 def fits_elsewhere(story: Story) -> Failure | None:
     """The scans fit the truth, and where the filter was about as well."""
     wrong = _wrong(story)
-    fits = [fit for fit in _fits(wrong) if fit.off < OFF_SHARE]
+    elsewhere = [u for u in wrong if u.scan and u.scan.off < OFF_SHARE and u.scan.is_compared]
+    fits = _fits(elsewhere)
     if len(fits) < max(MOST_SHARE * len(wrong), LEAST_UPDATES):
         return None
-    ahead = median(fit.ahead for fit in fits)
+    ahead, apart_m = median(fit.ahead for fit in fits), median(fit.apart_m for fit in fits)
     if ahead > ALIKE_NATS:
         return None
     x, y = fits[0].rival
-    where = {"rival_x_m": x, "rival_y_m": y, "apart_m": median(fit.apart_m for fit in fits)}
+    where = {"rival_x_m": x, "rival_y_m": y, "apart_m": apart_m}
+    if apart_m < elsewhere[0].lost_m:  # the same place, in another heading
+        turned = median(update.score.heading_error_rad or 0.0 for update in elsewhere)
+        where = {"turned_deg": float(np.degrees(turned))}
     along = {"corridor": "yes"} if median(fit.between for fit in fits) <= ALIKE_NATS else {}
     return story.failure(AMBIGUITY, wrong[0].step, ahead_nats=ahead, **where, **along, scans=len(fits))
 

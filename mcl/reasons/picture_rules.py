@@ -86,13 +86,15 @@ def _alike(lit: list[UpdateEvidence], story: Story) -> float:
 def unlike_references(story: Story) -> Failure | None:
     """The pictures are unlike the references at the true place.
 
-    If they always were, the fault is in camera, channels or library; else the view has changed.
+    If they always were, or cost no more than usual there and only fit other places better, the fault is in
+    camera, channels or library; else the view has changed.
     """
     bad, usual = _bad(story), story.usual
     if not bad or usual is None:
         return None
-    kind = SENSOR if _is_confused(story) or _was_always_bad(story) else VIEW
     fits = [update.fit for update in bad if update.fit]
+    costs = _costs(fits, story)
+    kind = SENSOR if _is_confused(story) or _was_always_bad(story) or not costs else VIEW
     channel = _channel(fits, story)
     return story.failure(
         kind,
@@ -103,7 +105,7 @@ def unlike_references(story: Story) -> Failure | None:
         behind_nats=median(fit.behind for fit in fits),
         rank=median(fit.rank for fit in fits),
         references=fits[0].references,
-        times_usual=median(fit.cost for fit in fits) / usual.cost,
+        **costs,
         confused=usual.confused,
         pictures=len(bad),
         of_pictures=len(story.where(story.pictures, lambda u: u.fit is not None)),
@@ -121,7 +123,8 @@ def ambiguity(story: Story) -> Failure | None:
     if story.fits_truth or abs(behind) > ALIKE_NATS:
         return None
     rivals = median(update.fit.rivals for update in away if update.fit)
-    return _alike_places(story, away, behind_nats=behind, places=1 + rivals)
+    places = 1 + max(rivals, 1.0)  # the place of the estimate is one, also where it lies between references
+    return _alike_places(story, away, behind_nats=behind, places=places)
 
 
 def _divided(story: Story) -> Failure | None:
@@ -175,6 +178,16 @@ def _was_always_bad(story: Story) -> bool:
     first = _since(bad, story) if bad else 0
     before = [update for update in story.updates if update.step < first and update.fit is not None]
     return sum(_is_bad(update, story) for update in before) >= MOST_SHARE * len(before)
+
+
+def _costs(fits: list[PlaceFit], story: Story) -> dict[str, Value]:
+    """Return how much more pictures cost the true place than usual, or than before, where that is clear."""
+    cost, usual = median(fit.cost for fit in fits), story.usual
+    if usual is not None and cost > UNLIKE_TIMES * usual.cost:
+        return {"times_usual": cost / usual.cost}
+    since = _costlier_since(story)
+    before = [u.fit.cost for u in story.updates if u.fit and since is not None and u.step < since]
+    return {"times_before": cost / max(median(before), 1e-9)} if before else {}
 
 
 def _costlier_since(story: Story) -> int | None:

@@ -1,8 +1,10 @@
 """What can be said of a run without ground truth: when it was probably lost, by the second opinion, and why.
 
-Two numbers tell: how well the best reference of the whole library explains a picture, and how well the cloud
-does. Where both fall, the pictures have changed. Where only the cloud's falls, it is at the wrong place.
-Over a map in place of references one number tells: how well the scan fits the map at the estimate.
+The estimate of a run that is probably lost is no place to compare anything with. So a cause is named only by
+what does not hang on it: the log, the recording, the weights, and how well the best reference of the whole
+library explains the pictures, and how light they are beside all of these. Everything else is not known: that
+the cloud fits no longer is what a robot that was carried has in common with wheels that spin, a start that is
+wrong and a light that changed (docs/diagnose.md has how often each is named).
 """
 
 from __future__ import annotations
@@ -16,29 +18,38 @@ import numpy as np
 from ..scoring.episodes import PROBABLY_LOST, Episode
 from ..scoring.lost_signal import KNOWS_ABOVE
 from ..sensor.laser.fit import OFF_SHARE, ScanFit
-from .causes import DATA, KIDNAPPED, LEFT_MAP, LIGHTING, START, UNKNOWN, VIEW, Failure
-from .drive_rules import STUCK_PICTURES, VERY_LONG_GAP, cloud_left, stuck_pictures, weights_vanish
-from .evidence import Story, UpdateEvidence
-from .laser_rules import UNKNOWN_SHARE
+from ..values import F64
+from .causes import DATA, KIDNAPPED, LIGHTING, UNKNOWN, VIEW, Failure
+from .drive_rules import VERY_LONG_GAP, cloud_left, has_left, stuck_pictures, weights_vanish
+from .evidence import FIRST_UPDATES, Story, UpdateEvidence
+from .surroundings import Surroundings
 
 USUAL_UPDATES = 20  # before, of which the usual level is taken
-FALLEN_NATS = 4.0  # below the usual level
+FALLEN_NATS = 2.0  # below the usual level
+LEAST_PICTURES = 3  # that fit no reference
+UNLIKE_TIMES = 1.6  # the usual cost of a library's own pictures: the best reference of all shows another view
 BEGAN_UPDATES = 10  # before it is probably lost, in which that began
-LIGHT_TIMES = 1.5  # as bright or as dark as usual
+LIGHT_TIMES = 1.5  # as bright or as dark as any reference
+AS_LIGHT_TIMES = 1.35  # as light as before: else it may be the light that changed
 SCANS_IN_A_ROW = 3  # that do not fit: fewer may be people in view
-# that it was carried
-LOG_SAYS, PICTURES_SAY = "the log says so", "the cloud stopped to fit, other places do"
-SCANS_SAY = "scans that fitted fit no more, all at once"
+LOG_SAYS = "the log says so"  # that it was carried
 
 
-def suspected(updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int]]) -> tuple[Failure, ...]:
-    """Return each doubt of a run without truth, from step to step, with what is suspected, in order."""
-    failures = [_cause(updates, Episode(PROBABLY_LOST, first, last, noticed=first)) for first, last in doubts]
-    if not failures and len(updates) > STUCK_PICTURES:
-        story = Story(updates, Episode(PROBABLY_LOST, updates[0].step, updates[-1].step))
-        rules = (stuck_pictures, weights_vanish, _left)
-        failures = [failure for rule in rules if (failure := rule(story)) is not None]
-    failures.sort(key=lambda failure: failure.first)
+def suspected(
+    updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int]], around: Surroundings | None = None
+) -> tuple[Failure, ...]:
+    """Return each doubt of a run without truth, from step to step, with its cause where one shows, in order.
+
+    A run that never knew where it is has no doubt; of it the weights and the map can tell.
+    """
+    failures = [
+        _cause(Story(updates, Episode(PROBABLY_LOST, first, last, noticed=first)), around)
+        for first, last in doubts
+    ]
+    if not failures and updates and not any(map(_knows, updates)):
+        first, last = updates[0].step, updates[-1].step
+        story = Story(updates, Episode(PROBABLY_LOST, first, last, noticed=first))
+        failures = [failure for rule in (weights_vanish, _left) if (failure := rule(story)) is not None][:1]
     return tuple(replace(failure, truth_known=False) for failure in failures)
 
 
@@ -54,24 +65,13 @@ def _is_off(update: UpdateEvidence) -> bool:
 
 
 def _by_scans(story: Story) -> Failure:
-    """Return what is suspected where scans stopped to fit the map at the estimate."""
+    """Return since when scans do not fit the map at the estimate; why is not known without truth."""
     updates, begin = story.updates, story.lost
     while begin > 0 and (fit := updates[begin - 1].scan_here) is not None and fit.off >= OFF_SHARE:
         begin -= 1
-    first = updates[begin].step
     off = _scans([update for update in updates[begin:] if update.step <= story.episode.last])
-    before = _scans(updates[max(begin - SCANS_IN_A_ROW, 0) : begin])
     numbers = {"off_beams": float(np.median([fit.off for fit in off])), "scans": len(off)}
-    unknown, short = (
-        float(np.median([fit.shares.get(name, 0.0) for fit in off])) for name in ("unknown", "short")
-    )
-    if not before:
-        return story.failure(START, first, **numbers)
-    if unknown >= UNKNOWN_SHARE:
-        return story.failure(LEFT_MAP, first, unknown_beams=unknown, **numbers)
-    if len(before) == SCANS_IN_A_ROW and all(fit.off < OFF_SHARE / 2 for fit in before):
-        return story.failure(KIDNAPPED, first, told=SCANS_SAY, **numbers)
-    return story.failure(VIEW, first, short_beams=short, **numbers)
+    return story.failure(UNKNOWN, updates[begin].step, **numbers)
 
 
 def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
@@ -91,44 +91,72 @@ def _knows(update: UpdateEvidence) -> bool:
 
 
 def _left(story: Story) -> Failure | None:
-    outside = [update for update in story.updates if update.cloud_left]
+    outside = [update for update in story.updates if has_left(update)]
     return cloud_left(story, outside) if outside else None
 
 
-def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
-    """Return what is suspected to have made a run lost, of what can be seen without truth."""
-    story = Story(updates, episode)
-    lost, begin = story.lost, _began(updates, story.lost)
-    by_scans, since = updates[lost].scan_here is not None, updates[begin : lost + 1]
-    before = updates[max(0, begin - USUAL_UPDATES) : begin] or since
-    first = updates[begin]
-    cloud, best, gray = (_medians(before, since, name) for name in ("cloud", "best", "gray"))
-    evidence = {"knows": updates[lost].knows or 0.0, "cloud_nats": cloud[1], "usual_cloud_nats": cloud[0]}
-    evidence |= {"best_nats": best[1], "usual_best_nats": best[0]}
-    evidence = {} if by_scans else evidence
+def _cause(story: Story, around: Surroundings | None) -> Failure:
+    """Return what made a run probably lost, of what can be seen without truth."""
+    updates, lost = story.updates, story.lost
+    begin = _began(updates, lost)
+    since = updates[begin : lost + 1]
     for update in updates[max(begin - 1, 0) : lost + 1]:
         if update.kidnapped:
-            return story.failure(KIDNAPPED, update.step, told=LOG_SAYS, **evidence)
-        if update.cloud_left:
-            return story.failure(LEFT_MAP, update.step, driven_m=update.driven_m, **evidence)
+            return story.failure(KIDNAPPED, update.step, told=LOG_SAYS)
+        if has_left(update):
+            return cloud_left(story, [update])
         if story.waited(update) >= VERY_LONG_GAP:
             gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s}
-            return story.failure(DATA, update.step, **gap, **evidence)
-    if by_scans:
+            return story.failure(DATA, update.step, **gap)
+    if updates[lost].scan_here is not None:
         return _by_scans(story)
     for rule in (stuck_pictures, weights_vanish):
         if (failure := rule(story)) is not None:
             return failure
-    times = gray[1] / max(gray[0], 1e-9)
-    if best[1] < best[0] - FALLEN_NATS / 2 and not 1 / LIGHT_TIMES < times < LIGHT_TIMES:
-        levels = {"brightness": times, "level": gray[1], "expected_level": gray[0]}
-        return story.failure(LIGHTING, first.step, **levels, **evidence)
-    if best[1] < best[0] - FALLEN_NATS / 2:
-        return story.failure(VIEW, first.step, **evidence)
-    fell = [update for update in since if update.cloud < cloud[0] - FALLEN_NATS]
-    if fell:
-        return story.failure(KIDNAPPED, fell[0].step, told=PICTURES_SAY, **evidence)
-    return story.failure(UNKNOWN, first.step, **evidence)
+    before = updates[max(0, begin - USUAL_UPDATES) : begin] or since
+    cloud, best = (_medians(before, since, name) for name in ("cloud", "best"))
+    evidence = {"knows": updates[lost].knows or 0.0, "cloud_nats": cloud[1], "usual_cloud_nats": cloud[0]}
+    evidence |= {"best_nats": best[1], "usual_best_nats": best[0]}
+    if (failure := _by_pictures(story, begin, best[0], around)) is not None:
+        return replace(failure, evidence={**failure.evidence, **evidence})
+    return story.failure(UNKNOWN, since[0].step, **evidence)
+
+
+def _by_pictures(story: Story, begin: int, before_nats: float, around: Surroundings | None) -> Failure | None:
+    """Return what the first pictures of a doubt tell beside all references, wherever these are.
+
+    None where that is nothing, or where they are few: one picture can be of a place between two references.
+    """
+    usual = None if around is None else around.usual
+    since = story.updates[begin : min(story.lost + FIRST_UPDATES, story.end + 1)]
+    if around is None or usual is None or not np.isfinite(usual.cost) or len(since) < LEAST_PICTURES:
+        return None
+    best_nats = float(np.median([update.best for update in since]))
+    times = -best_nats / usual.cost
+    if times <= UNLIKE_TIMES or before_nats - best_nats < FALLEN_NATS:
+        return None
+    level = float(np.median([update.gray for update in since]))
+    if (lightness := _beyond(level, around.levels)) is not None:
+        ratio, expected = lightness
+        levels = {"brightness": ratio, "level": level, "expected_level": expected}
+        return story.failure(LIGHTING, since[0].step, **levels, times_usual=times)
+    before = float(np.median([update.gray for update in story.updates[:begin]] or [level]))
+    as_light = 1 / AS_LIGHT_TIMES < level / max(before, 1e-9) < AS_LIGHT_TIMES
+    return story.failure(VIEW, since[0].step, times_usual=times) if as_light else None
+
+
+def _beyond(level: float, levels: F64 | None) -> tuple[float, float] | None:
+    """Return how many times as light as the darkest or the lightest reference, and that one's level.
+
+    None for a level (0 to 255) within those (L, 3) of the references.
+    """
+    if levels is None or not len(levels):
+        return None
+    means = levels.mean(axis=1)
+    least, most = float(means.min()), float(means.max())
+    nearest = least if level < least else most
+    is_beyond = level * LIGHT_TIMES < least or level > most * LIGHT_TIMES
+    return (level / max(nearest, 1e-9), nearest) if is_beyond else None
 
 
 def _medians(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from .causes import (
 )
 from .diagnosis import DiagnosisBuilder
 
+KEPT_SHARE = 0.5  # of the updates since it was localized: below that a run did not stay so
 DUE_STEPS = 10  # after an incident, in which a loss is due to it
 SECOND_SHARE = 0.25  # of the weight, that the second of two places needs
 BOTH_SHARE = 0.7  # of the weight, that both need
@@ -85,6 +87,9 @@ class RunVerdict:
     error_most_m: float | None = None  # of these
     most_at: int = 0  # step of the largest error
     off: int = 0  # updates that were not correct
+    sure: int = 0  # updates at which it was localized: correct and converged
+    sure_lately: int = 0  # of these the last ones, in a row
+    kept_share: float = 1.0  # of the updates since it was localized first, at which it was localized
     beyond: int = 0  # of these, those that were too far off: beyond the radius *lost*, or 45 degrees
     end: StepScore | None = None  # of the last update with truth
     radii: Radii = USUAL  # by which it was judged
@@ -103,6 +108,21 @@ class RunVerdict:
         judged = self.updates - self.unjudged
         some = "the only step" if judged == 1 else f"each of the {judged} steps"
         return f"{some} with a true pose" if self.unjudged else "every step"
+
+    @property
+    def judged(self) -> int:
+        """How many updates have a true pose."""
+        return self.updates - self.unjudged
+
+    @property
+    def right(self) -> int:
+        """At how many of these it was correct, sure of it or not."""
+        return self.judged - self.off
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it was localized, and at most of the updates since then."""
+        return self.localized is not None and self.kept_share >= KEPT_SHARE
 
     @property
     def error_end_m(self) -> float | None:
@@ -147,22 +167,27 @@ class RunVerdict:
     @property
     def decisive(self) -> int:
         """The step to look at first: that of a loss, else of an incident, else of the worst error."""
+        return self._moments()[0][1]
+
+    def _moments(self) -> list[tuple[int, int]]:
+        """Return the steps worth a look, each with its rank, the first to look at first."""
         losses = [episode for episode in self.episodes if episode.kind != SEARCHING or episode.is_sure]
-        if losses:
-            return self._shown(losses[0])
-        if self.telling is not None:
-            return self.telling.step
-        if loud := [incident for incident in self.incidents if incident.about.is_loud]:
-            return loud[0].shown_at
-        if self.localized is not None and self.localized > self.first + 1:
-            return self.localized
-        if self.sure_and_wrong is not None and self.localized is None:
-            return self.sure_and_wrong.step
-        if self.error_most_m is not None:
-            return self.most_at
-        if self.failures:
-            return self.failures[0].first
-        return self.left_map[0] if self.left_map else self.first
+        loud = [incident for incident in self.incidents if incident.about.is_loud]
+        late = self.localized if self.localized is not None and self.localized > self.first + 1 else None
+        sure = self.sure_and_wrong if self.localized is None else None
+        ranked = (
+            self._shown(losses[0]) if losses else None,
+            self.failures[0].first if self.failures and not self.has_truth else None,
+            None if self.telling is None else self.telling.step,
+            loud[0].shown_at if loud else None,
+            late,
+            None if sure is None else sure.step,
+            None if self.error_most_m is None else self.most_at,
+            self.failures[0].first if self.failures else None,
+            self.left_map[0] if self.left_map else None,
+            self.first,
+        )
+        return [(rank, step) for rank, step in enumerate(ranked) if step is not None]
 
     def _shown(self, episode: Episode) -> int:
         """Return the step at which an episode is seen best."""
@@ -186,8 +211,8 @@ def shared_incidents(runs: Sequence[RunVerdict]) -> list[Incident]:
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
-    """Return the step to look at first: the earliest decisive step of several runs."""
-    return min(verdict.decisive for verdict in verdicts.values())
+    """Return the step to look at first: where a run was lost, before where another one merely was worst."""
+    return min(verdict._moments()[0] for verdict in verdicts.values())[1]
 
 
 @dataclass(slots=True)
@@ -274,6 +299,7 @@ class VerdictBuilder:
     _sum_m: float = 0.0
     _scored: int = 0  # updates
     _converged: int = 0
+    _judged: list[tuple[int, bool]] = field(default_factory=list)  # step, and whether it was localized
 
     def __post_init__(self, localizer: Localizer | None, occupancy: OccupancyMap | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
@@ -291,6 +317,8 @@ class VerdictBuilder:
         episodes = self._diagnosis.episodes
         score, left = episodes.score, LEFT_MAP in record.events
         self._converged += int(score.converged)
+        if score.correct is not None:
+            self._judged.append((step, score.localized is True))
         self._verdict = replace(
             verdict,
             **self._error(verdict, step, score),
@@ -312,17 +340,24 @@ class VerdictBuilder:
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
-        count = max(self._verdict.updates, 1)
+        count, sure = max(self._verdict.updates, 1), [is_sure for _, is_sure in self._judged]
+        localized = self._verdict.localized
+        since = [is_sure for step, is_sure in self._judged if localized is not None and step >= localized]
+        has_truth, failures = self._verdict.end is not None, self._diagnosis.result()
+        doubts = tuple((failure.episode.first, failure.episode.last) for failure in failures)
         return replace(
             self._verdict,
-            has_truth=self._verdict.end is not None,
+            sure=sum(sure),
+            sure_lately=len(list(takewhile(bool, reversed(sure)))),
+            kept_share=sum(since) / len(since) if since else 1.0,
+            has_truth=has_truth,
             has_laser=self._diagnosis.has_laser,
-            doubts=self._diagnosis.doubts,
+            doubts=self._diagnosis.doubts if has_truth else doubts,
             error_mean_m=self._sum_m / self._scored if self._scored else None,
             converged_share=self._converged / count,
             in_obstacles=self._obstacles.stays,
             incidents=self._incidents.incidents,
-            failures=self._diagnosis.result(),
+            failures=failures,
             ambiguity=self._ambiguity.ambiguity,
         )
 

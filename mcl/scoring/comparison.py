@@ -92,6 +92,26 @@ class ErrorDifference:
     better: int  # updates at which the run was closer to the truth than the first
     worse: int  # updates at which it was further from it
 
+    @property
+    def agrees(self) -> bool:
+        """Whether one run was closer at every update: then what counts is how many blocks that is."""
+        return self.updates > 0 and self.updates in (self.better, self.worse)
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks of updates there are, each of which counts as one."""
+        return self.updates // max(self.block, 1)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether chance hardly made the difference, on this drive.
+
+        Where every update agrees, that is so from six blocks on: by a sign test p = 2 x 0.5^6 = 0.03.
+        """
+        if self.agrees:
+            return self.blocks >= LEAST_BLOCKS
+        return self.interval is not None and not self.interval[0] <= 0 <= self.interval[1]
+
 
 @dataclass(frozen=True, slots=True)
 class ComparisonResult:

@@ -7,7 +7,7 @@ run that does not know where it is; it ends when the run is localized (again). T
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,18 @@ from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .modes import has_near
 
 KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
+LOCALIZED, WRONG, CONVERGED, SPREAD = "localized", "wrong and confident", "converged", "spread"
+
+STATES: Mapping[str, str] = {
+    LOCALIZED: "converged and correct",
+    SEARCHING: "not converged, or not correct and not converged",
+    WRONG: "converged and not correct: nothing in the cloud warns of it",
+    LOST: "too far off at four steps in a row, and still so",
+    CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
+    SPREAD: "truth not known: less than that",
+    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
+}
+
 MOST_SHARE = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft
 SURE_STEPS = 10  # steps confident of a wrong place, from which on also a search that ends well has failed
 
@@ -54,8 +66,7 @@ class Episode:
         if self.kind == SEARCHING:
             return f"not localized from step {self.first} to {self.last}"
         if self.kind == PROBABLY_LOST:
-            doubt = "in doubt" if self.noticed is None else "probably lost"
-            return f"{doubt} from step {self.first} to {self.last}"
+            return f"probably lost from step {self.first} to {self.last}"
         began = f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"
         later = []
         if self.noticed is not None:
@@ -241,6 +252,19 @@ class EpisodeFinder:
     def doubt_begins(self) -> bool:
         """Whether the lost signal began to doubt the run at the last update."""
         return self._doubts and self.doubts[-1][0] == self._step
+
+    @property
+    def state(self) -> str:
+        """The localization status at the last update: a key of STATES."""
+        score = self.score
+        if score.correct is None:
+            doubted = PROBABLY_LOST if self.signal.probably_lost else ""
+            return doubted or (CONVERGED if score.converged else SPREAD)
+        if score.localized:
+            return LOCALIZED
+        if self.is_lost:
+            return LOST
+        return WRONG if score.wrong_and_confident else SEARCHING
 
     @property
     def is_lost(self) -> bool:

@@ -17,9 +17,14 @@ from ..values.geometry import INCH_M
 from ..values.records import AVERAGES, LIBRARY, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
+from .episodes import CONVERGED as CONVERGED
+from .episodes import LOCALIZED as LOCALIZED
 from .episodes import LOST as LOST
 from .episodes import PROBABLY_LOST as PROBABLY_LOST
 from .episodes import SEARCHING as SEARCHING
+from .episodes import SPREAD as SPREAD
+from .episodes import STATES as STATES
+from .episodes import WRONG as WRONG
 from .episodes import Episode, EpisodeFinder
 from .lost_signal import LostSignal
 from .metrics import StepScore
@@ -31,19 +36,6 @@ Say = Callable[[float], str]  # writes a length in meters, with its unit
 def in_meters(length_m: float) -> str:
     """Return a length as text: "0.32 m"."""
     return f"{length_m:.2f} m"
-
-
-LOCALIZED, WRONG, CONVERGED, SPREAD = "localized", "wrong and confident", "converged", "spread"
-
-STATES: Mapping[str, str] = {
-    LOCALIZED: "converged and correct",
-    SEARCHING: "not converged, or not correct and not converged",
-    WRONG: "converged and not correct: nothing in the cloud warns of it",
-    LOST: "too far off at four steps in a row, and still so",
-    CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
-    SPREAD: "truth not known: less than that",
-    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
-}
 
 
 # Detectors, one per idea: each turns a value at every update into an occasional event.
@@ -186,7 +178,7 @@ KINDS: Mapping[str, EventKind] = {
     BEYOND_THREE_SIGMA: EventKind(
         "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
     ),
-    ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="few count"),
+    ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="few heavy"),
     PARTED: EventKind("two runs of a comparison diverge from here", DOUBTFUL, (OF_LOG, OF_RUN)),
     RESEEDED: EventKind("fresh particles are drawn; steps in a row are one line", ACTS, in_plots=True),
     EXPANDED: EventKind("the whole cloud was spread", ACTS, in_plots=True),
@@ -304,9 +296,8 @@ class EventDetector:
             yield PROBABLY_LOST, _doubts(signal)
         for episode in changes:
             yield _say_change(episode, score, self.say)
-        self.state = _state(self._episodes, score)
+        self.state = self._episodes.state
         if moment.truth is None:
-            self.state = PROBABLY_LOST if signal.probably_lost else self.state
             return
         text = self._beyond.see(record, moment.truth, self.say)
         if text is not None:
@@ -315,16 +306,6 @@ class EventDetector:
 
 # events that can last several steps, and what a record calls them
 FILTER_NAMES = {ALL_WEIGHTS_ZERO: ALL_ZERO, LEFT_THE_MAP: LEFT_MAP, RESEEDED: RESEEDED, EXPANDED: EXPANDED}
-
-
-def _state(finder: EpisodeFinder, score: StepScore) -> str:
-    if score.correct is None:
-        return CONVERGED if score.converged else SPREAD
-    if score.localized:
-        return LOCALIZED
-    if finder.is_lost:
-        return LOST
-    return WRONG if score.wrong_and_confident else SEARCHING
 
 
 def _say_change(episode: Episode, score: StepScore, say: Say) -> tuple[str, str]:

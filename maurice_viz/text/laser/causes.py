@@ -43,6 +43,7 @@ NAMES: Mapping[str, str] = {  # of evidence
     "ahead_nats": "truth before the estimate, by a calibrated model",
     "between_m": "way between scans",
     "apart_m": "the other place is away by",
+    "turned_deg": "the other pose is turned by (deg)",
     "corridor": "all between fits as well",
 }
 REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
@@ -63,11 +64,6 @@ REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
     RESAMPLING: "more min_particles, resample_interval 2",
 }
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
-
-
-def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the estimate"
-    return f"from step {failure.first} on {off}, and hardly any did before: as after a kidnapping"
 
 
 def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -95,24 +91,21 @@ def _unseen(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     by = f" by {scale.say(e['short_m'])}" if "short_m" in e else ""
     short = f"{e['short_beams']:.0%} end short of the wall{by}"
-    where = "true places" if failure.truth_known else "estimates"
-    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the {where}"
-    why = "something stands in view, or was moved"
-    why += "" if failure.truth_known else ", or the filter is at a wrong place"
-    return f"{off} from step {failure.first} on ({short}): {why}"
+    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the true places"
+    return f"{off} from step {failure.first} on ({short}): something stands in view, or was moved"
 
 
 def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "turned_deg" in e:
+        turned = f"{e['turned_deg']:.0f} deg"
+        return f"{e['scans']} scans fit the true place as well with the robot turned by {turned}"
     where = f"{e['scans']} scans fit {scale.say(e['apart_m'])} from the true place as well"
     if "corridor" in e:
         return f"{where}, and all between: along a corridor only odometry tells"
-    return f"{where}, at {scale.say(e['rival_x_m'])}, {scale.say(e['rival_y_m'])}"
+    return f"{where}, at x {scale.say(e['rival_x_m'])}, y {scale.say(e['rival_y_m'])}"
 
 
 def _start(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    if not failure.truth_known:
-        off = f"from the start on {e['off_beams']:.0%} of the beams disagree with the map at the estimate"
-        return f"{off}: a wrong start, or a wrong map"
     return f"the filter began {scale.say(e['start_off_m'])} from the true place, and sure of it"
 
 
@@ -123,7 +116,6 @@ def _flat(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 CLAUSES: Mapping[str, Clause] = {
-    KIDNAPPED: _kidnapped,
     LEFT_MAP: _left_map,
     MOUNT: _mount,
     WRONG_MAP: _wrong_map,

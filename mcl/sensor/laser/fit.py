@@ -53,11 +53,16 @@ class ScanFit:
     own_says: float = 0.0  # nats by which the run's own model puts the truth before a typical place
     skill: float = 1.0  # of the nats that a typical place lacks, the share that the truth has; by chance 0
     between: float = 0.0  # nats by which the worst pose from estimate to truth is behind the truth
-    apart_m: float = 0.0  # from estimate to truth
+    apart_m: float = 0.0  # from estimate to truth; 0: the estimate was not looked at
     rival: tuple[float, float] = (0.0, 0.0)  # x and y in m of the estimate
     short_m: float = float("nan")  # from what short beams hit to the map's wall; NaN without any
     shares: Mapping[str, float] = field(default_factory=dict)  # of the beams, by JUDGMENTS and "unseen"
     mounting: Mounting | None = None  # by the scans up to now that do not fit
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether the estimate was looked at, too: not where all is well, or a scan says nothing."""
+        return self.apart_m > 0
 
 
 @dataclass(eq=False)

@@ -109,7 +109,7 @@ def test_an_event_lasts_as_long_as_it_is_told_and_its_word_follows_where_it_is_t
     for row in range(10, 20):
         steps[row] = ("localized", [("reseeded", "a")])
     path = drawn(tmp_path / "a.rrd", steps)
-    expected = [(1, ""), (2, " "), (3, "few count"), (11, "reseeded"), (21, " ")]
+    expected = [(1, ""), (2, " "), (3, "few heavy"), (11, "reseeded"), (21, " ")]
     assert lane_of(path, NOTICED) == expected
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, UNKNOWN, Failure, Incident
-from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, decisive_step
 from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_mcl.scoring.metrics import StepScore
@@ -51,8 +51,24 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         ),
         (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
         (
-            RunVerdict(updates=5, first=1, last=5, has_truth=True, end=NEAR),  # too short to be scored
+            RunVerdict(updates=5, localized=1, first=1, last=5, has_truth=True, end=NEAR),  # not scored
             ["The filter was right at every step (2.0 in off at the end)"],
+        ),
+        (
+            RunVerdict(updates=9, has_truth=True, end=NEAR),
+            ["The filter was right at every step, but never sure of it (2.0 in off at the end)"],
+        ),
+        (
+            RunVerdict(updates=20, has_truth=True, end=NEAR, off=6, sure=2),
+            ["right at 14 of 20 steps, but sure of it at only 2"],
+        ),
+        (
+            replace(GOOD, updates=20, end=OFF, off=15, sure=4, kept_share=0.2),
+            ["localized at only 4 of 20 steps (78.7 in off at the end)"],
+        ),
+        (
+            RunVerdict(updates=20, has_truth=True, end=NEAR, off=17, sure=3, sure_lately=3),
+            ["localized only at the last 3 of 20 steps"],
         ),
         (
             RunVerdict(updates=9, converged_share=0.5),
@@ -64,7 +80,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         ),
         (
             wrong(STAYS, STAYS, end=NEAR, failures=(Failure(AMBIGUITY, 61, STAYS),)),
-            ["Kidnapped at step 61 and 1 more time", "was not localized again"],
+            ["Kidnapped at step 61 and 1 more time", "was lost and not localized again"],
         ),
         (
             wrong(Episode("lost", 70, 90, 70, lost=73), failures=(Failure(AMBIGUITY, 70, STAYS),)),
@@ -83,6 +99,20 @@ def test_one_run(verdict, facts):
     assert len(text) <= TWO_LINES
     for fact in facts:
         assert fact in text
+
+
+def test_without_truth_the_run_that_fits_elsewhere_is_the_evidence_and_the_step_is_where_they_parted():
+    verdict = doubted(UNKNOWN)
+    (failure,) = verdict.failures
+    rival = replace(failure, first=7, evidence={"rival": "robust", "apart_m": 2.0})
+    runs = {"thesis": replace(verdict, failures=(rival,)), "robust": RunVerdict(updates=90, first=1)}
+    expect = "`thesis` was probably lost (from step 9: `robust` fits these pictures 78.7 in away)."
+    assert headline(runs, INCHES).startswith(expect)
+    assert decisive_step(runs) == 7
+
+
+def test_a_lost_run_is_looked_at_before_the_worst_step_of_one_that_was_not():
+    assert decisive_step({"a": replace(GOOD, error_most_m=0.2, most_at=5), "b": wrong(STAYS)}) == 61
 
 
 def test_a_cause_that_is_not_known_is_not_told():

@@ -209,8 +209,8 @@ def score():
     ("episodes", "says"),
     [
         ([Episode("lost", 2, 9, 2, lost=5)], "at step 5"),
-        ([Episode("searching", 1, 9, lost=5)], "searched to the end"),
-        ([Episode("searching", 1, 9, lost=5, localized=10)], "no, searched to step 9"),
+        ([Episode("searching", 1, 9, lost=5)], "never localized"),
+        ([Episode("searching", 1, 9, lost=5, localized=10)], "no, localized from step 10"),
         ([Episode("searching", 1, 9, lost=5, localized=10), Episode("lost", 20, 30, lost=23)], "at step 23"),
         ([], "no"),
     ],

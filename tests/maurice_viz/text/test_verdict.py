@@ -12,6 +12,7 @@ from maurice_mcl.reasons.causes import (
     LIBRARY_GAP,
     PROPOSAL,
     SENSOR,
+    UNKNOWN,
     Failure,
     Incident,
     InObstacle,
@@ -70,7 +71,10 @@ TWICE = Episode("lost", 38, 49, 38, 37, 41, 50), Episode("lost", 70, 90, 70, los
             [*RIGHT, "the sofa", "steps 20 to 27", "1 more time", "--set map.obstacles=movable"],
         ),
         (RunVerdict(updates=9, converged_share=0.5), ["converged at 50%", "no truth"]),
-        (RunVerdict(updates=3, has_truth=True, end=OFF), ["not localized in 3 steps", "81.0 in"]),
+        (
+            RunVerdict(updates=3, has_truth=True, end=OFF, off=3, beyond=3),
+            ["never localized", "81.0 in", "at 3 steps"],
+        ),
         (replace(GOOD, unjudged=GOOD.updates - 3), ["right at each of the 3 steps with a true pose"]),
         (replace(GOOD, localized=53), ["localized from step 53", "right at the end", "2.0 in"]),
     ],
@@ -121,7 +125,7 @@ DIED = Failure(
 
 
 def test_the_cause_of_a_failure_is_the_why_of_the_verdict():
-    run = wrong(SEARCH, failures=(DIED,))
+    run = replace(wrong(SEARCH, failures=(DIED,)), localized=None, off=90)
     for line in (say_verdict(run, INCHES), verdict_line({"a": run, "b": GOOD}, INCHES)):
         expect_facts(line, "81.0 in off at the end", say_cause(DIED, INCHES))
     expect_facts(say_cause(DIED, INCHES), "last particle", "died at step 10")
@@ -134,7 +138,7 @@ def test_the_cause_of_a_failure_is_the_why_of_the_verdict():
         (
             AMBIGUITY,
             {"rival_x_m": 0.0, "rival_y_m": 1.0, "pictures": 9},
-            ["another place looks like the true one", "9 pictures", "0.0 in, 39.4 in", "never decided"],
+            ["another place looks like the true one", "9 pictures", "x 0.0 in, y 39.4 in", "never decided"],
         ),
     ],
 )
@@ -172,11 +176,11 @@ def test_runs_without_truth_are_told_by_name():
 
 def test_without_truth_the_verdict_says_where_it_was_probably_lost_and_shows_that_step():
     failures = tuple(
-        Failure(KIDNAPPED, k, Episode(PROBABLY_LOST, k, k + 9, noticed=k), truth_known=False) for k in (5, 20)
+        Failure(UNKNOWN, k, Episode(PROBABLY_LOST, k, k + 9, noticed=k), truth_known=False) for k in (5, 20)
     )
     blind = RunVerdict(updates=40, converged_share=0.5, failures=failures, left_map=(30,))
     text = say_verdict(blind, INCHES)
-    expect_facts(text, "probably lost", "step 5 to 14", "1 more time", "kidnapping", "without ground truth")
+    expect_facts(text, "probably lost", "step 5 to 14", "1 more time", "not known", "without ground truth")
     assert blind.decisive == 5
 
 

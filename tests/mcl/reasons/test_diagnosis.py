@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -177,15 +178,45 @@ def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_
     assert "elements" not in failure_of({"fit": POOR}, ALL).evidence
 
 
-def test_without_truth_it_is_said_so():
-    updates = [healthy(step, score=BLIND, near=None, fit=None) for step in range(1, 30)]
+LIBRARY = SimpleNamespace(usual=USUAL, levels=np.array([[90.0, 90, 90], [130, 130, 130]]))
+
+
+def doubted(changes, around=LIBRARY):
+    """Suspect why a run without truth is doubted from 16 on, with something else since then."""
+    updates = [healthy(step, score=BLIND, near=None, fit=None, knows=0.9) for step in range(1, 30)]
+    since = {"knows": 0.01} | changes
+    some = [replace(update, **(since if update.step > 15 else {})) for update in updates]
     assert suspected(updates, ()) == ()
-    dark, moved = {"cloud": -9.0, "best": -7.0, "gray": 40.0}, {"cloud": -9.0}
-    for changes, kind in ((dark, "lighting"), (moved, "kidnapped")):
-        since = {"knows": 0.01} | changes
-        some = [replace(one, **(since if one.step > 15 else {"knows": 0.9})) for one in updates]
-        (found,) = suspected(some, ((16, 29),))
-        assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
+    (failure,) = suspected(some, ((16, 29),), around)
+    return failure
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [
+        ("lighting", {"cloud": -9.0, "best": -7.0, "gray": 40.0}),  # darker than any reference
+        ("changed_view", {"cloud": -9.0, "best": -7.0}),
+        ("unknown", {"cloud": -9.0, "gray": 40.0}),  # darker, and the library shows it
+        ("unknown", {"cloud": -9.0}),  # carried, or slipped, or a wrong start
+        ("numeric", {"broken": True}),
+    ],
+)
+def test_without_truth_a_cause_is_named_only_where_the_whole_library_speaks_for_it(kind, changes):
+    failure = doubted(changes)
+    assert (failure.kind, failure.first, failure.truth_known) == (kind, 16, False)
+
+
+def test_without_truth_one_picture_that_no_reference_shows_is_no_changed_view():
+    updates = [healthy(step, score=BLIND, near=None, fit=None, knows=0.9) for step in range(1, 30)]
+    updates[15] = replace(updates[15], knows=0.01, cloud=-9.0, best=-7.0)
+    assert suspected(updates, ((16, 17),), LIBRARY)[0].kind == "unknown"
+
+
+def test_without_truth_a_run_that_never_knew_where_it_is_has_what_its_weights_tell():
+    updates = [healthy(k, score=BLIND, near=None, fit=None, knows=0.1, broken=True) for k in range(1, 30)]
+    assert [failure.kind for failure in suspected(updates, ())] == ["numeric"]
+    stuck = [replace(update, broken=False, repeated=True, knows=0.9) for update in updates]
+    assert suspected(stuck, ()) == ()  # it knew all the same
 
 
 def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_believed():
@@ -194,15 +225,25 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
         for k in range(15, 25):
             updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, cloud=-9.0)
         updates[15] = replace(updates[15], **changes)
-        (found,) = suspected(updates, ((19, 25),))
-        return found
+        (failure,) = suspected(updates, ((19, 25),))
+        return failure
 
-    found = run()
-    assert (found.kind, found.first) == ("kidnapped", 16)
-    assert found.episode.account == "probably lost from step 19 to 25"
-    assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
+    failure = run()
+    assert (failure.kind, failure.first) == ("unknown", 16)
+    assert failure.episode.account == "probably lost from step 19 to 25"
+    assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("unknown", "data")  # carried in less time
     assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
     assert run(cloud_left=True).kind == "left_map"
+    assert run(zero=True, inside=0).kind == "left_map"  # no weight, as no particle is on the map
+
+
+def test_a_view_has_changed_only_where_pictures_cost_more_than_usual_or_than_before():
+    """A picture that fits other places better, and the true one as usual, shows what is there."""
+    elsewhere = replace(POOR, cost=USUAL.cost)
+    failure = failure_of({"fit": elsewhere}, SINCE)
+    assert (failure.kind, "times_usual" in failure.evidence) == ("sensor", False)
+    failure = failure_of({"fit": POOR}, SINCE)
+    assert (failure.kind, failure.evidence["times_usual"]) == ("changed_view", pytest.approx(5.0))
 
 
 @pytest.mark.parametrize(("page", "kinds"), [("diagnose.md", CAUSES), ("commands.md", INCIDENTS)])

@@ -1,0 +1,65 @@
+"""How runs compare over a drive, in words and in the table: what is averaged, and what that can tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.comparison import ComparisonResult, difference_of
+from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.metrics import Scorer
+from maurice_viz.playback import RunResult
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.comparison import drive_words
+from maurice_viz.text.summary import paired_rows
+
+INCHES = Scale(UNITS["in"])
+FIRST = RunResult("a", Scorer().result(), None)
+LOST = RunVerdict(updates=80, episodes=(Episode("lost", 41, 80, 41, lost=44),))
+
+
+def against(values, **more):
+    """Return the words and the first cell of the table for differences of errors (n,) in meters."""
+    paired = ComparisonResult(difference_of(np.array(values)), None, 0.1, 0.2, None)
+    run = RunResult("b", Scorer().result(), None, against="a", paired=paired)
+    first = replace(FIRST, **more)
+    return drive_words([first, run], INCHES), paired_rows([first, run], UNITS["in"])[0][1][1]
+
+
+@pytest.mark.parametrize(
+    ("values", "facts", "cell"),
+    [
+        (
+            [-0.05 - 0.001 * (k % 3) for k in range(117)],
+            ["**2.0 in closer** on average, closer at every one of 117 steps", "hardly chance"],
+            "-2.0",
+        ),
+        (
+            [-0.02 - 0.001 * (k // 40) ** 8 for k in range(117)],  # one stretch has most of it
+            ["closer at every one of 117 steps, 6 blocks of 19 that count as one each: hardly chance"],
+            "[all 6 blocks agree]",
+        ),
+        (
+            [-0.05] * 4,
+            ["closer at every one of 4 steps, which count one each: **may be chance**"],
+            "[undecided]",
+        ),
+        ([0.05] * 9, ["farther at every one of 9 steps", "hardly chance"], "[all 9 blocks agree]"),
+        ([-0.1, 0.05] * 5, ["closer at 5 of 10 steps: **may be chance**", "steps are few"], "[undecided]"),
+    ],
+)
+def test_where_every_step_agrees_its_blocks_are_the_sample(values, facts, cell):
+    text, written = against(values)
+    for fact in facts:
+        assert fact in text
+    assert cell in written
+
+
+def test_of_a_run_that_was_lost_there_is_no_average():
+    text, written = against([-0.9] * 40 + [0.1] * 5, verdict=LOST)
+    assert "* `b` is closer at 40 of 45 steps. No average, as `a` was lost from step 41." in text
+    assert "chance" not in text
+    assert written == "one was lost"

@@ -1,0 +1,47 @@
+"""What a second run tells of one that is doubted without truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_mcl.reasons.causes import DATA, LIGHTING, UNKNOWN, Failure
+from maurice_mcl.reasons.rivals import RivalFinder
+from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+
+HERE, THERE = np.array([1.0, 1.0, 0.0]), np.array([4.0, 1.0, 0.0])
+
+
+def explained(kind=UNKNOWN, *, there=THERE, knows=0.9, truth_known=False, parted=7):
+    """Explain a doubt from step 9 to 12 of a run that another one parts from before."""
+    finder = RivalFinder()
+    for step in range(1, 13):
+        other = there if step >= parted else HERE
+        finder.add(step, {"a": HERE, "b": other}, {"a": 0.1, "b": knows})
+    failure = Failure(kind, 9, Episode(PROBABLY_LOST, 9, 12, noticed=9), truth_known=truth_known)
+    verdicts = finder.explain({"a": RunVerdict(updates=12, failures=(failure,)), "b": RunVerdict(updates=12)})
+    assert verdicts["b"].failures == ()
+    return failure, verdicts["a"].failures[0]
+
+
+@pytest.mark.parametrize("kind", [UNKNOWN, LIGHTING])
+def test_a_run_that_knows_where_it_is_elsewhere_is_the_evidence_since_they_parted(kind):
+    _, failure = explained(kind)  # light, too: the pictures fit there
+    assert (failure.kind, failure.first) == (UNKNOWN, 7)
+    assert failure.evidence == {"rival": "b", "apart_m": pytest.approx(3.0)}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"knows": 0.2},  # it does not know either
+        {"there": HERE},  # it is at the same place
+        {"kind": DATA},  # the recording tells
+        {"truth_known": True},
+        {"parted": 12},  # at the last of four steps
+    ],
+)
+def test_else_it_is_none(changes):
+    before, after = explained(**changes)
+    assert after == before
