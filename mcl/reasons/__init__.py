@@ -5,7 +5,8 @@
   robot or its camera during a drive
 - `evidence`, `surroundings`: the few numbers of each step, and what the library says of a place
   and one episode with its evidence, which `drive_rules`, `picture_rules` and `laser_rules` judge
-- `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth
+- `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth; `rivals`: what
+  another run over the drive tells of it
 - `verdict`: what happened to a run, and the step to look at; `tour`: the steps to look at, in order
 - `place`: whether the picture of an update knows the place, and whether dots are there
 - `second_opinion`: a filter of its own that doubts a run, without the truth
