@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
@@ -14,6 +14,7 @@ from maurice_mcl.values import expected_one_of
 
 from ..entities import PHASE, PHASE_NAMES, PHASES_PER_STEP, SEEN, STEP, Phase, Place
 from ..errors import SILENT, Listener, OptionError
+from ..layouts import INSIDE
 from ..running.observer import SceneObserver
 from ..running.output import layout_of
 from ..running.run import collector_of, step_through
@@ -45,7 +46,8 @@ def snapshot(
 
     `step` is the last one by default, `phase` one of PHASE_NAMES within it. `layout` and `view` are names as
     the viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
-    `label` is that of the run whose tab is open in that layout.
+    `label` is that of the run whose tab is open in that layout. With a phase and without either the layout is
+    inside-a-step, where the recording has that.
 
     Raises OptionError for arguments out of range and InputError if the step, view or layout does not
     exist, the file exists (unless `force`), or no Vulkan driver is installed.
@@ -58,7 +60,7 @@ def snapshot(
     if phase is not None and phase not in PHASE_NAMES:
         raise OptionError(f"no phase called {phase!r}; {expected_one_of(phase, PHASE_NAMES)}")
     _check_saved_steps(Path(source), step)
-    with _viewer_on(Path(source), (layout, label), view, size, listener) as viewer:
+    with _viewer_on(Path(source), (layout, label), view, size, listener, inside=phase is not None) as viewer:
         last = _span(viewer, Path(source), step, step)[-1]
         place = Place(last, None if phase is None else Phase[phase.upper()])
         png = viewer.picture(place.timeline, place.number)
@@ -95,7 +97,7 @@ def movie(
     if first is not None and last is not None and first > last:
         raise OptionError(f"--from {first} is after --to {last}")
     _check_saved_steps(Path(source), first, last)
-    with _viewer_on(Path(source), (layout, label), view, size, listener) as viewer:
+    with _viewer_on(Path(source), (layout, label), view, size, listener, inside=phases) as viewer:
         steps = _span(viewer, Path(source), first, last)
         timeline, values = STEP, steps
         if phases:
@@ -191,13 +193,18 @@ def _viewer_on(
     view: str | None,
     size: tuple[int, int],
     listener: Listener,
+    *,
+    inside: bool,
 ) -> Iterator[Viewer]:
-    """Open a headless viewer on a recording or a saved run, arranged as asked for."""
+    """Open a headless viewer on a recording or a saved run, arranged as asked for; `inside` a step or not."""
     expect_driver(source)  # before a long run is drawn in vain
     with _recording_of(source, listener) as recording, headless_viewer(recording, size) as viewer:
         layout, label = tab
         if layout is not None:
             viewer.show_layout(layout, label)
+        elif inside and view is None:
+            with suppress(InputError):  # with little detail, and of recorded localizers, there is none
+                viewer.show_layout(INSIDE, label)
         if view is not None:
             viewer.show_only(view)
         yield viewer

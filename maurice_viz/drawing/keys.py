@@ -90,13 +90,13 @@ def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
 
 
 def _circles() -> list[U8]:
-    """Draw circles of references as large as they are so many nats below the best."""
-    steps = np.linspace(0, style.DEEPEST, CIRCLES)
-    sizes = np.maximum((CIRCLE_PX * (1 - steps / style.DEEPEST)).round().astype(int), 3).tolist()
-    labels = [*(f"{nats:g}" for nats in steps[:-1]), f"{style.DEEPEST:g}+"]
+    """Draw circles of references as large as they are for some match qualities."""
+    steps = np.linspace(1, 0, CIRCLES)
+    sizes = np.maximum((CIRCLE_PX * steps).round().astype(int), 3).tolist()
+    labels = [f"{quality:g}" for quality in steps]
     disks = [_disk(style.CIRCLE, size) for size in sizes]
     parts = [part for disk, label in zip(disks, labels, strict=True) for part in (disk, _text(label))]
-    return [_text("references, nats behind: "), *parts]
+    return [_text("references, quality: "), *parts]
 
 
 @lru_cache

@@ -39,18 +39,18 @@ from .panel import Panel, StepUpdate, joined_labels, set_phase, set_phase_only
 from .views import BARE_MAP, map_view, plane_view
 
 CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
-LARGEST_RADIUS = 0.15  # radius of the best entry's circle, in node spacings
+LARGEST_RADIUS = 0.15  # radius of the circle of quality 1, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
 LABEL_ROOM = 0.9  # node spacings: labels of ranks that are nearer together overlap
 SMALLEST_RADIUS = 0.012  # so that every entry is visible
-NOTHING_WORDS = "this picture says almost nothing"
+NOTHING_WORDS = "this picture hardly changes the weights"
 NOTHING_OF_SCAN = "this scan says almost nothing"
 MAP_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
 
 class MatchCirclesPanel(Panel):
-    """Draws one circle per heading at every library node, its radius the log-likelihood (thesis fig. 34)."""
+    """Draws one circle per heading at every library node, its radius the match quality (thesis fig. 34)."""
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
@@ -94,9 +94,7 @@ class MatchCircles:
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
-        radii = np.maximum(
-            nearness(comparison.log_likelihood) * np.float32(LARGEST_RADIUS), np.float32(SMALLEST_RADIUS)
-        )
+        radii = np.maximum(comparison.quality * np.float32(LARGEST_RADIUS), np.float32(SMALLEST_RADIUS))
         rec.log(paths.circles, row_of(rr.Points2D, radii=floats_of(radii * np.float32(self.spacing))))
         self._tell_nothing(rec, paths, comparison.log_likelihood)
         best = comparison.best(BEST)
@@ -128,17 +126,6 @@ def log_words(rec: rr.RecordingStream, paths: RunPaths, words: str) -> None:
         colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=Order.FRAME
     )
     rec.log(paths.says_nothing, points, static=True)
-
-
-def nearness(log_likelihood: F32) -> F32:
-    """Return 1 for the best entry (L,), down to 0 at DEEPEST nats below it; 0 if none is possible.
-
-    Areas in proportion to the likelihood would hide all but a few: most entries are 5 to 15 nats below.
-    """
-    top = log_likelihood.max()
-    if not np.isfinite(top):
-        return np.zeros_like(log_likelihood)
-    return np.asarray(np.clip(1 + (log_likelihood - top) / DEEPEST, 0, 1), np.float32)
 
 
 def tells_apart(log_likelihood: F32) -> bool:

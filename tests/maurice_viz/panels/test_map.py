@@ -8,33 +8,54 @@ import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from helpers.step_records import made
+from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.parameters import PRESETS, Layer, configure
 from maurice_mcl.filter.estimate import heaviest_cluster
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.map import Arena
+from maurice_viz.entities import RunPaths
 from maurice_viz.panels.panel import joined_labels
 from maurice_viz.panels.population import rings_of
-from maurice_viz.panels.references import MatchCircles, nearness
+from maurice_viz.panels.references import LARGEST_RADIUS, SMALLEST_RADIUS, MatchCircles
 from maurice_viz.panels.world import clipped
-from maurice_viz.style import DEEPEST, scale_for
+from maurice_viz.style import scale_for
+from maurice_viz.viewer.sinks import recording
 
 
-def test_circles_places_and_likelihoods():
+def test_circles_stand_off_their_node_along_their_heading():
     library = fakes.make_library()
     scale = scale_for("in", library.arena)
     circles = MatchCircles(library, scale)
     assert circles.spacing == pytest.approx(18)
     off = (circles.centers - scale.screen(library.poses)) * (1, -1)
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
-    logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
-    np.testing.assert_allclose(nearness(logs), [1, 1 - np.log(2) / DEEPEST, 0], atol=1e-6)
-    np.testing.assert_array_equal(nearness(np.full(3, -np.inf, np.float32)), [0, 0, 0])
 
 
-def test_circles_of_calibrated_likelihoods_have_sizes_that_differ():
-    """By area in proportion to the likelihood, 4 and 12 nats below the best were the same dot."""
-    below = np.array([0, 1, 2, 4, 6, 8, 12], np.float32)
-    np.testing.assert_allclose(nearness(-7 - below), [1, 0.875, 0.75, 0.5, 0.25, 0, 0], atol=1e-6)
+@pytest.mark.parametrize("sharpness", [0.01, 1.0, 20.0])
+def test_a_circles_diameter_is_proportional_to_the_match_quality(sharpness, tmp_path):
+    """Also where likelihoods are flat: in nats below the best nearly all of the thesis's were alike."""
+    library = fakes.make_library()
+    session = fakes.make_session(library, 3)
+    settings = {"particles": 60, "sensor.sharpness": sharpness}
+    configured = configure([Layer("preset", PRESETS["thesis"]), Layer("test", settings)])
+    localizer = build_localizer(library, session, configured.parameters)
+    circles, path = MatchCircles(library, scale_for("in", library.arena)), RunPaths("run")
+    (_, record), *_ = run(localizer, session, None)
+    quality = record.sighting.comparison.quality
+    rec = recording("circles")
+    rec.save(tmp_path / "circles.rrd")
+    rec.set_time("phase", sequence=1)
+    circles.draw(rec, path, record.sighting.comparison)
+    rec.flush()
+    rec.disconnect()
+    (row,) = recordings.rows(tmp_path / "circles.rrd", path.circles)
+    radii = np.array(row.values["Points2D:radii"])
+    clear = quality > SMALLEST_RADIUS / LARGEST_RADIUS
+    np.testing.assert_allclose(radii[clear] / quality[clear], 18 * LARGEST_RADIUS, rtol=1e-4)
+    assert radii[clear].std() > 0.05 * radii[clear].mean() > 0
 
 
 def test_references_at_one_place_share_a_label():
