@@ -73,6 +73,15 @@ def open_runs(path: Path) -> list[SavedRun]:
     return [open_run(path / label) for label in labels]
 
 
+def runs_beside(folder: Path) -> list[SavedRun]:
+    """Open all runs of the comparison that a saved run belongs to, with itself; none where it is alone."""
+    try:
+        runs = open_runs(folder.resolve().parent)
+    except InputError:  # the folder above holds no comparison, or one that is damaged
+        return []
+    return runs if any(run.folder == folder.resolve() for run in runs) else []
+
+
 def open_run(folder: str | Path) -> SavedRun:
     """Open the folder of a saved run; only its manifest and configuration are read yet.
 

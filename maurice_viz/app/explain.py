@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import runs_beside
 from maurice_mcl.reasons.explanation import StepExplanation, explain_step
+from maurice_mcl.reasons.place import fits_best
 from maurice_mcl.sensor.laser.beams import BeamJudgment
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values import F64, Comparison, Moment, StepRecord
@@ -17,12 +19,15 @@ from maurice_mcl.values import F64, Comparison, Moment, StepRecord
 from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
 from ..layouts.registry import EXPLAIN, SENSORS
+from ..panels.story import place_of
 from ..running.open import typed_pose
 from ..running.saved import Opened, open_saved
+from ..running.saved_steps import Pictures, Restored, restored_together
 from ..style import Scale
 from ..text.explanation import GLOSSARY, say_step
 from ..text.explanation_table import say_sensors, to_json
 from ..text.laser.scan import say_beams, scan_json
+from ..text.lesson import say_lesson
 from .convert import only_run
 from .snapshot import snapshot
 
@@ -37,6 +42,7 @@ class Explanation:
     step: StepExplanation | None  # every number, per channel and reference; None: no picture was compared
     of_sensors: tuple[str, ...]  # what the pose sensors say, a paragraph each
     scale: Scale
+    lesson: str = ""  # whether the picture knows the place, and which runs of the comparison have dots there
     phase: Phase = Phase.WEIGHT  # the one that did most: resampling where that happened
     scan: Mapping[str, object] | None = None  # what a laser's beams say, by pose
 
@@ -45,7 +51,7 @@ class Explanation:
         """The explanation in sentences, paragraphs separated by blank lines."""
         compared = [] if self.step is None else say_step(self.step, self.scale)
         glossary = GLOSSARY if self.step else GLOSSARY.split(" Rank")[0]  # of nats alone
-        paragraphs = [*compared, *self.of_sensors, glossary]
+        paragraphs = [*filter(None, [self.lesson]), *compared, *self.of_sensors, glossary]
         paragraphs.append(f"Walk through it: {open_command(self.source, Place(self.number, self.phase))}")
         return "\n\n".join([f"{self.label}, step {self.number}", *paragraphs])
 
@@ -110,6 +116,7 @@ def explain(
         at = typed_pose(at, scale.units, "--at is X,Y,HEADING")
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
     label, step, explained, of_scan = restored.saved.manifest.label, moment.frame.step, None, None
+    lesson = _lesson(opened, folder, moment, record)
     if comparison.channels:
         asked = entry if at is None else np.asarray(at, float)
         explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
@@ -123,7 +130,24 @@ def explain(
     if to is not None:
         layout = EXPLAIN if comparison.channels or of_scan else SENSORS
         snapshot(folder, to=to, step=step, layout=layout, force=force, listener=listener)
-    return Explanation(label, folder, step, explained, sensors, scale, phase, of_scan)
+    return Explanation(label, folder, step, explained, sensors, scale, lesson, phase, of_scan)
+
+
+def _lesson(opened: Opened, folder: Path, moment: Moment, record: StepRecord) -> str:
+    """Return what a step teaches, with where the other runs of the same comparison have their dots."""
+    (restored,) = opened.restored
+    scene, sensors = opened.scene, {} if restored.sensor is None else restored.sensor.sensors
+    lasers = [sensor for sensor in sensors.values() if isinstance(sensor, Laser)]
+    own = place_of(moment, record, scene, lasers[0] if lasers else None)
+    places = {restored.saved.manifest.label: own}
+    fits, step = fits_best(record, scene.library), moment.frame.step
+    if own is not None:
+        others = [run for run in runs_beside(folder) if run.folder.name != folder.name]
+        for other, records in restored_together([Restored(run, None) for run in others], Pictures()):
+            if other.frame.step == step:
+                beside = {label: place_of(moment, each, scene, None, fits) for label, each in records.items()}
+                return say_lesson(places | beside, scene.scale)
+    return say_lesson(places, scene.scale)
 
 
 def _judged(

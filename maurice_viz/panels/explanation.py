@@ -42,10 +42,12 @@ from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scal
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import RANK, RGB
-from ..text.explanation import GLOSSARY, headline, say_step
+from ..text.explanation import GLOSSARY, say_step
 from ..text.explanation_table import brief_table, winner_first
+from ..text.lesson import say_lesson
 from .camera import SEES, draw_jpeg, draw_name, named_view, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
+from .story import place_of
 from .views import MAP, map_view, picture_view, plane_view
 
 OUTSIDE_WORDS = "outside free space"
@@ -67,6 +69,7 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
 ARROW_SHARE = 0.035  # length of the arrows on the map, as a share of the arena's long side
 ARROW_PT = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
+ALIKE = "The picture fits all references alike."
 NO_LIBRARY = "What the picture was compared with is not available."
 CAMERA_CARD = "camera"
 NARROW = 0.17  # of a card's width: how far above it its name stands
@@ -126,7 +129,9 @@ class ExplanationPanel(Panel):
                 self._cards[who] = card
         self._draw_charts(rec, shown)
         self._draw_marks(rec, [*shown[1:], shown[0]], references.sensor)
-        words = "\n\n".join([f"#### {headline(step)}", *say_step(step, self._scale)[1:]])
+        place = place_of(update.moment, record, self._scene, None)
+        lesson = say_lesson({self._run.label: place}, self._scale) or ALIKE
+        words = "\n\n".join([f"#### {lesson}", *say_step(step, self._scale)[1:]])
         table = f"{brief_table(step, self._scale)}\n\n{GLOSSARY}"
         for part, text in (("words", words), ("table", table)):
             rec.log(self._paths.explain(part), row_of(rr.TextDocument, text=text_of(text)))

@@ -14,7 +14,8 @@ from maurice_mcl.reasons.place import PlaceKnown, place_known
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict, decisive_step
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.values import Moment, StepRecord
+from maurice_mcl.sensor.laser.sensor import Laser
+from maurice_mcl.values import F64, Moment, StepRecord
 
 from .. import entities
 from ..drawing.arrow import row_of, scalars, text_of
@@ -83,23 +84,13 @@ class VerdictDrawing:
         causes are told, it costs little and is always logged.
         """
         moment, _ = next(iter(steps.values()))
-        step, places = moment.frame.step, {label: self._place(label, *steps[label]) for label in steps}
+        step = moment.frame.step
+        places = {label: place_of(*steps[label], self._scene, self._lasers.get(label)) for label in steps}
         self._times_s[step], self._lessons[step] = moment.frame.time_s, say_lesson(places, self._scale)
         self._log_pages({step: self._lessons[step]}, {})
         count = len(self._times_s)
         if self._scene.live and (count == 1 or count % self._every == 0):
             self._decide(verdicts(), f"Up to step {step}: ")
-
-    def _place(self, label: str, moment: Moment, record: StepRecord) -> PlaceKnown | None:
-        """Return what a run knows of the place where its robot is."""
-        laser, truth, agree = self._lasers[label], moment.truth, None
-        if truth is None:
-            return place_known(record, None, -1, self._scene.library)
-        if laser is not None and not record.sighting.comparison.channels:
-            reading = reading_of(moment, record, laser)
-            judged = None if reading is None else laser.judged(reading, truth)
-            agree = None if reading is None or judged is None else (judged.count("agrees"), reading.size)
-        return place_known(record, truth, self._scene.entry_at(truth), self._scene.library, agree)
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, the step to look at, and where to look at each moment of the tour."""
@@ -129,6 +120,20 @@ class VerdictDrawing:
     def _log(self, text: str) -> None:
         document = rr.TextDocument(f"#### {font_safe(text)}", media_type=MARKDOWN)
         self._rec.log(VERDICT, document, static=True)
+
+
+def place_of(
+    moment: Moment, record: StepRecord, scene: Scene, laser: Laser | None, fits: F64 | None = None
+) -> PlaceKnown | None:
+    """Return what a run knows of the place where its robot is, or, without truth, where the picture fits."""
+    truth, agree = moment.truth, None
+    if truth is None:
+        return place_known(record, None, -1, scene.library, fits=fits)
+    if laser is not None and not record.sighting.comparison.channels:
+        reading = reading_of(moment, record, laser)
+        if reading is not None:
+            agree = laser.judged(reading, truth).count("agrees"), reading.size
+    return place_known(record, truth, scene.entry_at(truth), scene.library, agree)
 
 
 def verdict_view() -> rrb.TextDocumentView:

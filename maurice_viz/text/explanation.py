@@ -161,22 +161,6 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
     return [*paragraphs, weighed] if weighed else paragraphs
 
 
-def headline(step: StepExplanation) -> str:
-    """Return a sentence or two: which reference wins, and by how much over the one nearest to the truth."""
-    winner = step.winner
-    first = f"Best match: entry {winner.entry} of {winner.entries}"
-    rival = step.of(TRUTH) or step.of(ESTIMATE)
-    if rival is None or rival.entry is None:
-        return f"{first}."
-    of = rival.who
-    if rival.entry.entry == winner.entry:
-        return f"{first}, which is also the reference nearest to the {of}."
-    most, costs = rival.entry.costliest(winner), rival.entry.lost_to(winner)
-    by = f", {costs.max():.1f} by {most.channel}" if len(costs) > 1 else f" by {most.channel}"
-    behind = f"{rival.entry.behind:.1f} nats behind{by}"
-    return f"{first}. {of.capitalize()}'s reference is {behind}."
-
-
 def _winner(step: StepExplanation, scale: Scale) -> str:
     winner, explained = step.winner, step.of(WINNER)
     by = sorted(winner.channels, key=lambda c: -c.loses)

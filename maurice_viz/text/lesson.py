@@ -41,12 +41,12 @@ def say_lesson(places: Places, scale: Scale) -> str:
 def _ranked(runs: Mapping[str, PlaceKnown], several: bool) -> str:
     """Return the rank of the true place: "the picture knows the place (rank 1 of 624)"."""
     ranks = {label: place.rank for label, place in runs.items() if place.rank is not None}
-    if not ranks:
+    entries = next((place.entries for place in runs.values() if place.rank is not None), 0)
+    if entries < 2:
         return ""
-    entries = next(place.entries for place in runs.values() if place.rank is not None)
     least, most = min(ranks.values()), max(ranks.values())
-    best = max(1, min(MOST_RANK, int(SMALL_SHARE * entries)), int(RANK_SHARE * entries))
-    poor = POOR_SHARE * entries
+    best = max(min(MOST_RANK, int(SMALL_SHARE * entries)), int(RANK_SHARE * entries))  # 0: too few to tell
+    poor = max(POOR_SHARE * entries, 1.0)
     span = f"rank {least} of {entries}" if least == most else f"rank {least} to {most} of {entries}"
     if most <= best:
         return f"the picture knows the place ({span})"

@@ -12,7 +12,7 @@ import numpy as np
 from ..scoring.metrics import LOST_RAD
 from ..scoring.modes import around
 from ..sensor.references import NearestReference
-from ..values import F32, F64, Library, StepRecord
+from ..values import F32, F64, Comparison, Library, StepRecord
 from ..values.geometry import wrap_angle
 from ..values.map import crosses
 
@@ -37,28 +37,44 @@ class PlaceKnown:
 
 
 def place_known(
-    record: StepRecord, truth: F64 | None, entry: int, library: Library, agree: tuple[int, int] | None = None
+    record: StepRecord,
+    truth: F64 | None,
+    entry: int,
+    library: Library,
+    agree: tuple[int, int] | None = None,
+    fits: F64 | None = None,
 ) -> PlaceKnown | None:
     """Return what is known of the true pose (3,), whose reference is the library's `entry`, -1: none.
 
-    `agree` are the beams of a laser that fit there. Without truth, None where no picture was compared.
+    `agree` are the beams of a laser that fit there. Without truth the place is where the picture `fits` best,
+    by default by this record; None where no picture was compared.
     """
     comparison, rank = record.sighting.comparison, None
-    ranked = len(comparison.log_likelihood) == library.size and bool(comparison.channels)
     place = truth
-    if truth is None:
-        if not ranked or float(np.ptp(comparison.quality)) == 0:
-            return None
-        place = library.poses[int(comparison.quality.argmax())]
-    elif ranked and entry >= 0:
+    if place is None:
+        place = fits_best(record, library) if fits is None else fits
+    if place is None:
+        return None
+    if truth is not None and entry >= 0 and _is_ranked(comparison, library):
         rank = rank_of(comparison.log_likelihood, entry)
-    assert place is not None
     reach_m = record.estimate.radii.cluster_m
     nearest_m, near = around(record.weighted, place, reach_m)
     share = float(record.weighted.weights[near].sum())
     known = None if truth is None else agree
     count, is_true = int(np.count_nonzero(near)), truth is not None
     return PlaceKnown(is_true, nearest_m, share, count, reach_m, rank, library.size, known)
+
+
+def fits_best(record: StepRecord, library: Library) -> F64 | None:
+    """Return the pose (3,) of the best match of an update; None: nothing was compared, or all is alike."""
+    comparison = record.sighting.comparison
+    if not _is_ranked(comparison, library) or float(np.ptp(comparison.quality)) == 0:
+        return None
+    return np.asarray(library.poses[int(comparison.quality.argmax())])
+
+
+def _is_ranked(comparison: Comparison, library: Library) -> bool:
+    return bool(comparison.channels) and len(comparison.log_likelihood) == library.size > 0
 
 
 def rank_of(log_likelihood: F32, entry: int) -> int:

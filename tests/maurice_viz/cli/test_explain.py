@@ -41,6 +41,30 @@ def test_it_says_why(saved):
     assert not list(Path().glob("*.rrd"))
 
 
+def test_it_begins_with_whether_dots_are_where_the_picture_fits(saved):
+    lesson = ask(saved, "--step", "4")[0].split("\n\n")[1]
+    assert " of 160" in lesson
+    assert "there" in lesson or "no dot is within" in lesson
+
+
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_it_says_which_other_run_of_the_comparison_looked_there(has_truth, tmp_path):
+    write_small_survey(tmp_path)
+    session = write_small_session(tmp_path)
+    if not has_truth:
+        lines = session.read_text(encoding="utf-8").splitlines()
+        kept = [line for number, line in enumerate(lines) if number == 0 or '"truth"' not in line]
+        session.write_text("\n".join(kept), encoding="utf-8")
+    words = ["--particles", 300, "--start=0.3,0.3,0", "--seed", 1]
+    run("compare", session, *words, "--seed", 2, "--save-run", "both", "-o", "none")
+    labels = sorted(path.name for path in Path("both").iterdir() if path.is_dir())
+    assert len(labels) == 2
+    for label in labels:
+        beginning = " ".join(ask(f"both/{label}", "--step", "8")[0].split("\n\n")[1].split())
+        assert all(f"`{name}`" in beginning for name in labels)
+        assert ("where the picture fits best" in beginning) != has_truth
+
+
 def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved):
     def asked(*options: str) -> dict[str, object]:
         found = json.loads(ask(saved, "--step", "3", "--json", *options)[0])

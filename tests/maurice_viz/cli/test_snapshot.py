@@ -101,6 +101,13 @@ def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
     assert "'the robot sees'" in one_line(
         maurice("snapshot", "a.rrd", "-o", "x.png", "--view", "?", expect=1)[1]
     )
+    phase = ["snapshot", "a.rrd", "--step", "7", "--phase", "weight"]
+    maurice(*phase, "-o", "inside.png")
+    maurice(*phase, "-o", "asked.png", "--layout", "inside-a-step")
+    inside, asked = (np.asarray(Image.open(name)).astype(int) for name in ("inside.png", "asked.png"))
+    assert np.abs(inside - asked).mean() < 1.0  # a phase is looked at from the inside
+    weight = np.asarray(Image.open("weight.png")).astype(int)
+    assert np.abs(inside - weight).mean() > 3.0
     maurice("snapshot", "a.rrd", "-o", "m.gif", "--from", "3", "--to", "4", "--view", "belief",
             "--size", "400x300")  # fmt: skip
     with Image.open(tmp_path / "m.gif") as movie:

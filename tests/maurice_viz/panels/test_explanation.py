@@ -170,9 +170,9 @@ def test_table_and_arrows_are_there_at_every_update(drawn):
         np.testing.assert_allclose(np.cos(turned - poses[:, 2])[known], 1, atol=1e-4)
     first = explain_step(updates[0][1], sensor, updates[0][0].truth)
     words = recordings.rows(path, PATHS.explain("words"))[0].values["TextDocument:text"][0]
-    assert words.startswith(f"#### Best match: entry {first.winner.entry} of {first.winner.entries}")
     rival = first.of("truth").entry
-    assert rival.entry == first.winner.entry or f"{rival.behind:.1f} nats behind" in words.splitlines()[0]
+    assert f"{rival.rank} of {rival.entries}" in words.splitlines()[0]
+    assert rival.entry == first.winner.entry or f"{rival.behind:.1f} nats behind" in words
 
 
 def test_without_truth_there_are_two_columns(library, tmp_path):
@@ -204,7 +204,7 @@ def test_one_entry_and_no_pictures(tmp_path):
     assert np.ptp(card[:20].astype(int), axis=2).max() < 20
     draw(tmp_path / "one.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
     for row in recordings.rows(tmp_path / "one.rrd", PATHS.explain("words")):
-        assert "Best match: entry 0 of 1" in row.values["TextDocument:text"][0]
+        assert "there" in row.values["TextDocument:text"][0] or "within" in row.values["TextDocument:text"][0]
 
 
 def test_a_saved_run_without_its_library_says_so(library, tmp_path):

@@ -58,12 +58,20 @@ def test_dots_that_face_another_way_are_not_called_there():
     assert say_lesson({"a": turned}, METERS) == expected
 
 
-@pytest.mark.parametrize(("entries", "rank"), [(4, 2), (10, 2), (40, 3), (96, 5), (624, 7), (4000, 41)])
+@pytest.mark.parametrize(("entries", "rank"), [(20, 2), (40, 3), (96, 5), (624, 7), (4000, 41)])
 def test_a_rank_that_is_not_among_the_best_is_not_called_known(entries, rank):
     place = PlaceKnown(True, 0.0, 1.0, 9, REACH_M, rank, entries)
     assert "knows the place" not in say_lesson({"a": place}, METERS)
     first = PlaceKnown(True, 0.0, 1.0, 9, REACH_M, 1, entries)
     assert "knows the place (rank 1 of" in say_lesson({"a": first}, METERS)
+
+
+@pytest.mark.parametrize(
+    ("entries", "text"),
+    [(1, "The dots are there."), (9, "The picture ranks the place 1st of 9; the dots are there.")],
+)
+def test_few_references_tell_nothing_of_knowing(entries, text):
+    assert say_lesson({"a": PlaceKnown(True, 0.0, 1.0, 9, REACH_M, 1, entries)}, METERS) == text
 
 
 @pytest.mark.parametrize(
