@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -27,6 +27,9 @@ DRAWS_NEVER, DRAWS_EVENLY, DRAWS_WHERE_LIKELY = (
     "evenly",
     "likelihood",
 )  # where a run draws new particles
+
+
+SHORT, ENDS = 16, 7  # letters that have room left of a lane at 1280 pixels; and of each end of a longer name
 
 
 class Detail(StrEnum):
@@ -106,6 +109,12 @@ class RunView:
     start: F64 | None = None  # (3,) in the map's frame, where it is known to begin
     number: int = 0  # among the runs of the recording; the first draws what all share (see `numbered`)
     all_channels: tuple[str, ...] = ()  # of all runs of the recording, for the key that they share
+    shortened: str = ""  # its label, if that is long and other runs are known
+
+    @property
+    def short(self) -> str:
+        """Its label where room is scarce: left of lanes, above pictures, on maps."""
+        return self.shortened or self.label
 
     @property
     def is_recorded(self) -> bool:
@@ -156,7 +165,22 @@ def numbered(runs: Iterable[RunView]) -> list[RunView]:
     """Return runs with their numbers, in order: each has its own color; and with what others measure."""
     views = list(runs)
     channels = tuple(dict.fromkeys(channel for run in views for channel in run.channels))
-    return [replace(run, number=number, all_channels=channels) for number, run in enumerate(views)]
+    short = short_names([run.label for run in views])
+    return [
+        replace(run, number=number, all_channels=channels, shortened=name)
+        for number, (run, name) in enumerate(zip(views, short, strict=True))
+    ]
+
+
+def short_names(labels: Sequence[str]) -> list[str]:
+    """Return labels of at most `SHORT` letters: of long ones both ends, of which no two are alike."""
+    names: list[str] = []
+    for number, label in enumerate(labels, 1):
+        name = label if len(label) <= SHORT else f"{label[:ENDS]}\N{HORIZONTAL ELLIPSIS}{label[-ENDS:]}"
+        if name in names or (name != label and name in labels):
+            name = f"{label[: SHORT - 3]}\N{HORIZONTAL ELLIPSIS}{number}"
+        names.append(name)
+    return names
 
 
 def _draws_new(localizer: Localizer) -> str | None:

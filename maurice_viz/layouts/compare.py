@@ -36,7 +36,7 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
         shared.step_words_view(),
         body,
         lanes_view(path),
-        errors_row(runs, scene),
+        errors_row(runs, scene, COMPARED_ERRORS_PX),
         row_shares=[COMPARED_WORDS_PX, middle, lanes, COMPARED_ERRORS_PX],
     )
     return untitled(screen)

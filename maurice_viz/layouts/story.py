@@ -17,7 +17,15 @@ from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
 from ..panels.laser.scan import here_view, scan_views
 from ..panels.population import headings_view
 from ..panels.sensors import sensor_words_view
-from ..panels.story import error_axis, error_unit_view, errors_plot, story_map, tour_view, verdict_view
+from ..panels.story import (
+    ErrorAxis,
+    error_axis,
+    error_unit_view,
+    errors_plot,
+    story_map,
+    tour_view,
+    verdict_view,
+)
 from ..panels.views import untitled
 from ..scene import RunView, Scene
 
@@ -53,17 +61,17 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
         verdict_view(),
         body,
         lanes_view(own_path(runs[0].paths) if is_one else SHARED),
-        errors_row(runs, scene),
+        errors_row(runs, scene, ERRORS_PX),
         row_shares=[HEADLINE_PX, middle, lanes, ERRORS_PX],
     )
     return untitled(screen)
 
 
-def errors_row(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
+def errors_row(runs: Sequence[RunView], scene: Scene, height_px: float) -> rrb.Horizontal:
     """Lay out the plot of errors below lanes, with its unit: it begins where they do."""
-    axis = _axis_px(runs, scene) / BETWEEN_PX
+    axis = _axis_px(error_axis(runs, scene, height_px)) / BETWEEN_PX
     shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]
-    return rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
+    return rrb.Horizontal(error_unit_view(), errors_plot(runs, scene, height_px), column_shares=shares)
 
 
 def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
@@ -88,9 +96,8 @@ def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
     return rrb.Vertical(*(rrb.Horizontal(*row) for row in rows[:-1]), last)
 
 
-def _axis_px(runs: Sequence[RunView], scene: Scene) -> float:
+def _axis_px(axis: ErrorAxis | None) -> float:
     """Return the width of the labels of the error axis, which the viewer does not let us set."""
-    axis = error_axis(runs, scene)
     return AXIS_PX + DIGIT_PX * (DIGITS if axis is None else len(f"{axis.last_label:g}"))
 
 

@@ -189,7 +189,7 @@ class EstimatePanel(Panel):
         name = rr.Points2D.from_fields(
             colors=[self._run.color],
             radii=rr.components.Radius.ui_points(0.0),
-            labels=[font_safe(self._run.label)],
+            labels=[font_safe(self._run.short)],
             show_labels=True,
             draw_order=Order.FRAME,
         )

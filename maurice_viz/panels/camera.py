@@ -101,7 +101,7 @@ class HerePanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         prepare_jpeg(rec, self._paths.here)
-        draw_name(rec, self._paths.here, name_of(self._run.label), CELL_PX, self._run.color)
+        draw_name(rec, self._paths.here, name_of(self._run.short), CELL_PX, self._run.color)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         if update.whole and update.is_first:  # nothing is estimated yet

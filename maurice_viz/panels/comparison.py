@@ -81,7 +81,7 @@ class ComparisonDrawing:
                 gap = self._scale.screen(np.stack([record.estimate.pose[:2], own.truth[:2]]))
                 self._rec.log(gap_of(run.label), row_of(rr.LineStrips2D, strips=strips_of([gap])))
             if run.label in self._truths:
-                self._draw_drive(run.label, own)
+                self._draw_drive(run, own)
         self._log_text(step_words(steps, self._scale, self._runs[0].radii, self._sensors))
 
     def _draw_before_weighing(self, steps: Mapping[str, Step]) -> None:
@@ -135,7 +135,7 @@ class ComparisonDrawing:
         wide = cell_px(len(cells))
         places = [(KEY_PX + wide * (number + 0.46), -TITLE_PX) for number in range(len(cells))]
         places += [(KEY_PX / 2, top) for top in KEY_ROWS]
-        texts = [*(cell.title for cell in cells), run.label, "bars: the robot's", "line: its match"]
+        texts = [*(cell.title for cell in cells), run.short, "bars: the robot's", "line: its match"]
         titles = rr.Points2D(
             places,
             radii=rr.components.Radius.ui_points(0.0),
@@ -158,14 +158,15 @@ class ComparisonDrawing:
 
     def _draw_name(self, run: RunView, error_m: float | None) -> None:
         """Log the name of a run in the close-up, with how far off it is."""
-        name = run.label if error_m is None else f"{run.label}: {self._scale.say(error_m)} off"
+        name = run.short if error_m is None else f"{run.short}: {self._scale.say(error_m)} off"
         self._rec.log(_name_of(run), row_of(rr.Points2D, labels=text_of(font_safe(name))))
 
-    def _draw_drive(self, label: str, moment: Moment) -> None:
+    def _draw_drive(self, run: RunView, moment: Moment) -> None:
+        label = run.label
         path, image = entities.camera_of(label), moment.frame.image
         if label not in self._named:
             self._named.add(label)
-            draw_name(self._rec, path, f"{label}: {SEES}", image.shape[1], TRUTH)
+            draw_name(self._rec, path, f"{run.short}: {SEES}", image.shape[1], TRUTH)
         draw_jpeg(self._rec, path, jpeg(image))
         if moment.truth is not None:
             self._truths[label].draw(self._rec, moment.truth)

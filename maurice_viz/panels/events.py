@@ -298,7 +298,7 @@ class LanesDrawing:
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._runs, self._scale = rec, runs, scene.scale
         log, noticed, who = Look(LOG, PALE), Look(NOTICED, PALE), Look(WHO, PALE)
-        named = [Look(run.label, run.color) for run in runs]
+        named = [Look(run.short, run.color) for run in runs]
         self._shared = Lanes(SHARED, [log, *named])
         self._own = [
             Lanes(own_path(run.paths), [log, name, noticed]) for run, name in zip(runs, named, strict=True)
@@ -327,7 +327,7 @@ class LanesDrawing:
             run.label: (update.moment, update.record) for run, update in zip(self._runs, updates, strict=True)
         }
         label = closest(steps, self._runs[0].radii)
-        colors = (Look(run.label, run.color) for run in self._runs if run.label == label)
+        colors = (Look(run.short, run.color) for run in self._runs if run.label == label)
         return next(colors, EQUALLY_CLOSE)
 
     def _log(self, update: StepUpdate) -> Look:

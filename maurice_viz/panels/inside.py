@@ -63,7 +63,7 @@ FRESH_DOT = 2.2
 BEST = 5  # references that are marked
 BEFORE, AFTER = "before", "after"
 CAPTION_AT = (0.0, -1.0)  # in the frame of the close-up
-ARROW = 0.03  # of the arena's long side: the heading of the truth
+ARROW, ARROW_OF_CLOUD = 0.03, 0.15  # of the arena's long side, and of the cloud, at most: the truth's heading
 
 WERE, MOVED, MATCHES = "where the dots were", "moved by odometry", "yellow: best 5 matches, where in view"
 UNSEEN, UNWEIGHED, HEAVY = "nothing seen yet", "dots not weighed yet", "large is heavy"
@@ -167,7 +167,7 @@ class InsidePanel(Panel):
         moved, weighed = (_weighed(belief, some, places) for belief in (record.predicted, record.weighted))
         copied = weighed if record.parents is None else _copied(record, some, places)
         kept = self._reseeded(record, copied) if update.is_reseeded else copied
-        self._draw_before_weighing(rec, update, moved.row())
+        self._draw_moved(rec, update, moved.row(), places)
         set_phase(rec, update.moment, Phase.WEIGHT)
         weights, copies = weighed.looks(), copied.looks()
         rec.log(self._after, weights)
@@ -202,8 +202,8 @@ class InsidePanel(Panel):
         self._captions.clear()
         self._log_words(rec, PARTLY, ("not drawn", "not drawn"))
 
-    def _draw_before_weighing(self, rec: rr.RecordingStream, update: StepUpdate, moved: LogRow) -> None:
-        last, self._truth = self._truth, self._truth_row(update.moment.truth)
+    def _draw_moved(self, rec: rr.RecordingStream, update: StepUpdate, moved: LogRow, places: F32) -> None:
+        last, self._truth = self._truth, self._truth_row(update.moment.truth, places)
         set_phase(rec, update.moment, Phase.PREDICT)
         rec.log(self._after, moved)
         rec.log(f"{self._after}/truth", self._truth)
@@ -226,12 +226,13 @@ class InsidePanel(Panel):
         compared = len(comparison.quality) == self._library.size
         return self._library.poses[comparison.best(BEST) if compared else np.zeros(0, np.int32)]
 
-    def _truth_row(self, truth: F64 | None) -> LogRow:
-        """Return the true pose (3,), with an arrow as long in every close-up; nothing if it is not known."""
+    def _truth_row(self, truth: F64 | None, places: F32) -> LogRow:
+        """Return the true pose (3,), with an arrow shorter than the cloud (K, 2), or nothing."""
         if truth is None:
             return NO_TRUTH
         at = self._scale.screen(truth[None, :2])
-        return LogRow(_points(at) | _arrow(at, heading_vector(float(truth[2]), self._arrow)))
+        length = min(self._arrow, ARROW_OF_CLOUD * float(np.ptp(places, axis=0).max()))
+        return LogRow(_points(at) | _arrow(at, heading_vector(float(truth[2]), length)))
 
     def _draw_answer(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the estimate with the oval of its group, and a line to the truth."""

@@ -146,7 +146,7 @@ class BestReferencesPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         for column, cell in enumerate(self._cells):
             cell.prepare(rec, column * (CELL_PX + GAP_PX), 0)
-        name = f"{self._run.label}: best match"
+        name = f"{self._run.short}: best match"
         draw_name(rec, self._paths.match(1), name, CELL_PX, self._run.color)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:

@@ -36,7 +36,8 @@ EVERY = 5  # updates between two verdicts on a live drive
 UNSEEN = (0, 0, 0, 0)  # of a line that only keeps the axis of a live drive above the limit
 FAINT = 0.8  # width of lines that are beside the point
 ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
-LABELS_APART = 0.19  # of the axis, at least
+LABELS_PX = 25  # between two labels of an axis, at least: nearer ones are faint, and below 21 there are none
+BELOW_AXIS_PX = 16  # of a plot, for the labels of its steps
 DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole cloud, in points of the screen
 
 
@@ -178,7 +179,7 @@ class ErrorAxis:
     last_label: float
 
 
-def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
+def error_axis(runs: Sequence[RunView], scene: Scene, height_px: float) -> ErrorAxis | None:
     """Return the axis that has room for the largest value; None where that is not known yet.
 
     The viewer labels steps of a power of ten, where they are far enough apart. An axis that ended below the
@@ -188,14 +189,14 @@ def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
         return None
     lost_m = runs[0].radii.lost_m if scene.has_truth else 0.0
     most = ABOVE * scene.scale.length(max(scene.most_m, lost_m)) or 1.0
-    step = float(10.0 ** np.ceil(np.log10(LABELS_APART * most)))
+    step = float(10.0 ** np.ceil(np.log10(most * LABELS_PX / (height_px - BELOW_AXIS_PX))))
     top = max(most, ABOVE * step)
     return ErrorAxis(top, step * float(np.floor(top / step)))
 
 
-def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
+def errors_plot(runs: Sequence[RunView], scene: Scene, height_px: float) -> rrb.TimeSeriesView:
     """Plot the position error of all runs, and where they count as lost; without truth the spread."""
-    axis, quantity = error_axis(runs, scene), POSITION_ERROR if scene.has_truth else SPREAD
+    axis, quantity = error_axis(runs, scene, height_px), POSITION_ERROR if scene.has_truth else SPREAD
     contents = [run.paths.trace(quantity) for run in runs]
     return rrb.TimeSeriesView(
         name="Position error" if scene.has_truth else "Spread of the cloud",

@@ -14,7 +14,7 @@ from maurice_mcl.library.advice import LibraryAdvice
 from maurice_mcl.library.quality import SelfSimilarity
 from maurice_mcl.values import F64, U8, Library, spacing
 
-from ..drawing.canvas import MAP_TEXT_SHARE, Canvas, draw_ground, jpeg, long_side, png, put_text
+from ..drawing.canvas import MAP_TEXT_SHARE, Canvas, draw_ground, jpeg, long_side, png, put_text, text_size
 from ..panels.world import clipped
 from ..style import DEAD, FRESH, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
 
@@ -65,7 +65,8 @@ def draw_ambiguity(
     what = "number of places that fit a picture taken here; lines: look-alikes"
     if added:
         what = f"number of places that fit a picture; lines: look-alikes; pink: {len(added)} to add"
-    put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
+    room = (image.shape[1] - 2 * text_px) / text_size(what, text_px)[0]
+    put_text(image, what, text_px, 1.6 * text_px, min(room, 1.0) * text_px, PALE)
     return image
 
 

@@ -214,9 +214,10 @@ GO_THERE = "Right-click a lane to go there."
 def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
-    parts = [f"{DOT}{TRUTH if has_truth else ''}."]
+    lanes = LANES if has_truth else LANES_WITHOUT_TRUTH
+    parts = [lanes]
     if len(runs) < MOST_CROWDED:
-        parts += [LANES if has_truth else LANES_WITHOUT_TRUTH]
+        parts = [f"{DOT}{TRUTH if has_truth else ''}.", lanes]
         parts += [f"{NOTICED}{NOTICED_OF_TRUTH if has_truth else ''}."] if len(runs) == 1 else []
         parts += [GO_THERE]
     if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:

@@ -39,7 +39,7 @@ class ScanPanel(Panel):
             return
         if self._draws_scan:
             prepare_scan(rec, seen_path(self._paths), SEES, TRUTH)
-        prepare_scan(rec, here_path(self._paths), f"{self._run.label} thinks it is here", self._run.color)
+        prepare_scan(rec, here_path(self._paths), f"{self._run.short} thinks it is here", self._run.color)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         laser, scan, record = self._laser, update.moment.frame.scan, update.record

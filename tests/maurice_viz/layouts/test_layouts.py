@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
@@ -15,8 +16,9 @@ from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, story
-from maurice_viz.layouts.compare import compare
+from maurice_viz.layouts.compare import COMPARED_ERRORS_PX, compare
 from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.layouts.story import ERRORS_PX
 from maurice_viz.panels.story import error_axis
 from maurice_viz.panels.traces import MOST_LETTERS
 from maurice_viz.running.output import layout_of
@@ -119,11 +121,21 @@ def test_a_run_without_channels_has_no_views_of_comparisons(has_truth):
 
 @pytest.mark.parametrize(("most_m", "last_label"), [(0.1, 30), (0.5, 30), (2.0, 100), (4.0, 100), (9.0, 300)])
 def test_the_error_axis_holds_the_largest_error_and_the_limit_and_has_a_label(most_m, last_label) -> None:
-    axis = error_axis([COLOR], replace(shown(), most_m=most_m))
+    axis = error_axis([COLOR], replace(shown(), most_m=most_m), ERRORS_PX)
     assert axis is not None
     assert axis.last_label == last_label
     assert axis.top > max(last_label, most_m / 0.0254, 36)  # in inches, as the limit
-    assert error_axis([COLOR], shown()) is None
+    assert error_axis([COLOR], shown(), ERRORS_PX) is None
+
+
+@pytest.mark.parametrize("height_px", [ERRORS_PX, COMPARED_ERRORS_PX])
+def test_labels_of_the_error_axis_are_far_enough_apart_to_be_drawn(height_px) -> None:
+    """The viewer (0.41) labels powers of ten alone; nearer than 21 pixels it drops all but zero."""
+    for most_m in np.geomspace(0.5, 300, 100):
+        axis = error_axis([COLOR], replace(shown(), most_m=float(most_m)), height_px)
+        assert axis is not None
+        apart = 10 ** np.floor(np.log10(axis.last_label)) / axis.top
+        assert apart * (height_px - 16) > 21
 
 
 def test_light_recordings_offer_only_layouts_whose_panels_are_filled() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from helpers import viz_fakes as fakes
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.library.left_out import LeftOutTable
@@ -17,7 +18,7 @@ from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.library import Library
 from maurice_viz.plots.calibration import figure, save
 from maurice_viz.plots.sheets import draw_ambiguity
-from maurice_viz.style import DEAD, WALL, scale_for
+from maurice_viz.style import DEAD, PALE, WALL, scale_for
 
 
 def checked(library: Library) -> SelfSimilarity:
@@ -38,6 +39,17 @@ def test_walls_are_drawn_where_there_are_some(small_session):
     walled = replace(library, arena=replace(library.arena, walls=np.array([[0.1, 0.1, 1.9, 0.1]])))
     drawn = [pixels_of(draw_ambiguity(one, checked(one), scale), WALL) for one in (bare, walled)]
     assert drawn[1] > drawn[0] + 300
+
+
+def test_the_title_of_the_map_of_ambiguity_fits():
+    """On a map that is higher than wide, too."""
+    library = fakes.make_library(columns=2, rows=9)
+    scale = scale_for("in", library.arena)
+    image = draw_ambiguity(library, checked(library), scale)
+    ink = (np.abs(image.astype(int) - PALE) < 40).all(axis=2)[: image.shape[0] // 20]
+    columns = np.flatnonzero(ink.any(axis=0))
+    assert len(columns) > 100
+    assert columns[-1] < image.shape[1] - 3
 
 
 def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session):
