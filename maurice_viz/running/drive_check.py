@@ -17,6 +17,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.recovery import STRATEGIES
 from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive, spread_groups
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.values import F64, Library
@@ -76,12 +77,13 @@ def suited(
     the robot needs what a picture says about places far away, which this does not judge.
     """
     score = score_of(localizer, groups)
-    if score is None or not score.is_bad:
+    if score is None or (score.widening == 1 and not score.is_bad):
         return configuration, localizer, ()
     sensor = localizer.sensor.parameters
-    ours = ("default", f"library {localizer.library.name}")
+    ours = ("default", "preset", "library")
     chosen = any(
-        setting.key in SCALE_KEYS and setting.origin not in ours for setting in configuration.settings
+        setting.key in SCALE_KEYS and not setting.origin.startswith(ours)
+        for setting in configuration.settings
     )
     has_scales = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     changes = has_scales and not chosen and start is not None
@@ -91,11 +93,18 @@ def suited(
     scales = {name: scale * score.widening for name, scale in sensor.scales.items()}
     values: dict[str, Any] = {"sensor.widening": sensor.widening * score.widening, "sensor.scales": scales}
     widened = replace(sensor, widening=values["sensor.widening"], scales=scales)
+    recovery = configuration.parameters.recovery
+    if not score.tells and not localizer.sensor.sensors:  # what says nothing calls no particle elsewhere
+        recovery = replace(recovery, strategy="none")
+        values["recovery.strategy"] = recovery.strategy
     origin = "the drive's pictures"
     settings = tuple(
         Setting(setting.key, values[setting.key], origin) if setting.key in values else setting
         for setting in configuration.settings
     )
-    parameters = replace(configuration.parameters, sensor=widened)
+    parameters = replace(configuration.parameters, sensor=widened, recovery=recovery)
     localizer = replace(localizer, sensor=replace(localizer.sensor, parameters=widened))
+    if recovery.strategy == "none":
+        step = replace(localizer.recovery, strategy=STRATEGIES["none"](recovery))
+        localizer = replace(localizer, recovery=step, mixture=None)
     return replace(configuration, parameters=parameters, settings=settings), localizer, text

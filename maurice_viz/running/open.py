@@ -286,6 +286,9 @@ def _pictures_of(session: SourcedSession) -> list[list[DrivePicture]]:
     return drive_pictures(session) if isinstance(session, RecordedSession) else []
 
 
+EDGE_M = 0.05
+
+
 def _start(
     spec: RunSpec,
     session: SourcedSession,
@@ -298,8 +301,16 @@ def _start(
     if start is None:
         start = start_pose(spec.start, session.info, session.path, lambda: _first_truth(session))
     if start is not None:
+        start = _at_edge(start, library)
         _check_start(session, library, reference, start, warn)
     return start
+
+
+def _at_edge(start: F64, library: Library) -> F64:
+    """Return a pose (3,) that is just outside of the map at its edge: a map ends where its last cell does."""
+    low, high = np.array(library.arena.bounds).reshape(2, 2)
+    inside = np.clip(start[:2], low + 1e-6, high - 1e-6)
+    return np.array([*inside, start[2]]) if np.abs(inside - start[:2]).max() <= EDGE_M else start
 
 
 def landmarked(

@@ -356,11 +356,18 @@ def say_drive(
     name: str, channels: Iterable[str], score: DriveScore, *, changed: bool = False
 ) -> Iterator[str]:
     """Yield what the user of a library should know about a drive through it; nothing if they agree."""
-    if not score.is_bad:
+    if score.widening == 1 and not score.is_bad:
         return
-    worth = "are worse than none" if score.gain < 0 else "add next to nothing"
-    text = f"{name}: the drive's pictures {worth} at their true poses ({', '.join(channels)}: "
-    text += drive_score_of(score) + ")"
+    by = ", ".join(channels)
+    if score.is_bad:
+        worth = "are worse than none" if max(score.gain, score.far_gain) < 0 else "add next to nothing"
+        text = f"{name}: the drive's pictures {worth} at their true poses ({by}: {drive_score_of(score)})"
+    else:
+        times = f"{math.exp(score.far_gain):.2g} times as likely as other places"
+        text = (
+            f"{name}: the drive's pictures tell the place (the true one is {times}), but are too sure near it"
+        )
+        text += f" ({by}: {drive_score_of(score)})"
     if not changed:
         yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
         return

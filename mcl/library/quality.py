@@ -230,16 +230,19 @@ def _ambiguity(place_of: I32, cost: F64) -> float:
 
 # A drive whose true poses are known: how well the library explains its pictures.
 #
-# The gain of a picture is the log of its likelihood at the truth over its mean likelihood at poses around the
-# truth: what it adds, in nats, to knowing the pose to within the radius *right*. Zero is knowing nothing, and
-# below zero it misleads. A library's own pictures cannot show this: they are compared with each other, and
-# those of one survey err alike. Neighboring pictures of a drive err together, too, so that scales are fitted
-# on groups of them, each as one observation.
+# The gain of a picture is the log of its likelihood at the truth over its mean likelihood at other poses:
+# what it adds, in nats, to knowing the pose as well as these are spread. Zero is knowing nothing, and below
+# zero it misleads. The poses are around the truth, within one, three and ten times the radius *right*, and
+# the library's own: along a path of references a picture tells little nearby, and much farther out. A
+# library's own pictures cannot show this: they are compared with each other, and those of one survey err
+# alike. Neighboring pictures of a drive err together, too, so that scales are fitted on groups of them, each
+# as one observation.
 
 PICTURES_A_GROUP, MOST_GROUPS = 4, 16  # pictures in a row, and how many times that over a drive
 LEAST_PICTURES = 24  # of known place in free space, below which nothing is concluded
-COMPARED_POSES = 256  # poses that the truth is compared with
-HEADING_SD_RAD = float(np.radians(20))  # of those poses
+COMPARED_POSES = 256  # poses that the truth is compared with, of each spread
+SPREADS = (1.0, 3.0, 10.0)  # of them, times the radius *right*; then come the library's own poses
+HEADING_SD_RAD = float(np.radians(20))  # of the poses around the truth
 LEAST_GAIN_NATS = 0.05  # nats a picture, below which a sensor is not worth what it misleads
 
 
@@ -257,17 +260,21 @@ class DriveScore:
 
     pictures: int  # that were compared, of known place in free space
     gain: float  # mean nats per picture over knowing the pose to within the radius *right*; nan without any
+    far_gain: float = np.nan  # the most over knowing it less well, down to not at all; nan: not asked
     widening: float = 1.0  # of the likelihood, so that it does not mislead; 1: it does not
     tells: bool = True  # whether it is worth using with that widening; if not, it is the largest: no use
 
     @property
     def is_bad(self) -> bool:
-        """Whether enough pictures were compared to say that they are not worth using as they are."""
-        return self.pictures >= LEAST_PICTURES and self.gain < LEAST_GAIN_NATS
+        """Whether enough pictures were compared to say that they tell nothing, neither near nor far."""
+        worth = np.fmax(self.gain, self.far_gain)
+        return self.pictures >= LEAST_PICTURES and bool(worth < LEAST_GAIN_NATS)
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        return asdict(self) | {"gain": self.gain if self.pictures else None, "is_bad": self.is_bad}
+        gains = {name: getattr(self, name) for name in ("gain", "far_gain")}
+        known = {name: gain if np.isfinite(gain) else None for name, gain in gains.items()}
+        return asdict(self) | known | {"is_bad": self.is_bad}
 
 
 def spread_groups(count: int) -> list[list[int]]:
@@ -294,38 +301,45 @@ def score_drive(
         return np.array([row for row in rows if row is not None and np.isfinite(row[0])])
 
     quick = rows_of(group[0] for group in groups)
-    if len(quick) >= min(len(groups), MOST_GROUPS) / 2 and (gain := _mean_gain([quick])) >= LEAST_GAIN_NATS:
-        return DriveScore(len(quick), gain)
+    if (
+        len(quick) >= min(len(groups), MOST_GROUPS) / 2
+        and (gain := _mean_gains([quick])[0]) >= LEAST_GAIN_NATS
+    ):
+        return DriveScore(len(quick), float(gain))
     rows = [group for group in map(rows_of, groups) if len(group)]
     pictures = sum(map(len, rows))
     if not pictures:
         return DriveScore(0, np.nan)
-    score = DriveScore(pictures, _mean_gain(rows))
-    if not score.is_bad:
+    near, *far = _mean_gains(rows).tolist()
+    score = DriveScore(pictures, near, max(far))
+    if pictures < LEAST_PICTURES or near >= LEAST_GAIN_NATS:
         return score
-    gains = [np.mean([_gain(group.sum(axis=0) / k) for group in rows]) for k in WIDENINGS.tolist()]
-    best = int(np.argmax(gains))
-    tells = best < len(gains) - 1 and bool(gains[best] >= LEAST_GAIN_NATS * PICTURES_A_GROUP)
+    gains = np.array(
+        [np.mean([_gains(group.sum(axis=0) / k) for group in rows], axis=0) for k in WIDENINGS.tolist()]
+    )  # (K, S)
+    best = int(gains.mean(axis=1).argmax())
+    tells = best < len(gains) - 1 and bool(gains[best].max() >= LEAST_GAIN_NATS * PICTURES_A_GROUP)
     return replace(score, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
 
 
-def _mean_gain(groups: Sequence[F64]) -> float:
-    """Return the mean gain of pictures (T, N) of several groups, each group counted alike."""
-    return float(np.mean([np.mean([_gain(row) for row in group]) for group in groups]))
+def _mean_gains(groups: Sequence[F64]) -> F64:
+    """Return the mean gain (S,) by spread of pictures (T, N) of several groups, each group counted alike."""
+    by_group = [np.mean([_gains(row) for row in group], axis=0) for group in groups]
+    return np.asarray(np.mean(by_group, axis=0), np.float64)
 
 
 def _offsets(right_m: float) -> F64:
-    """Return poses (COMPARED_POSES, 3) about the origin, which is the first of them."""
-    sd = [right_m, right_m, HEADING_SD_RAD]
+    """Return poses (1 + S * (COMPARED_POSES - 1), 3) about the origin: itself, then those of each spread."""
+    sd = np.array([right_m, right_m, HEADING_SD_RAD])
     offsets = stream(Domain.COMPARE, 0).standard_normal((COMPARED_POSES, 3)) * sd
-    offsets[0] = 0
-    return np.asarray(offsets, np.float64)
+    wider = [offsets[1:] * [spread, spread, min(spread, 3.0)] for spread in SPREADS]
+    return np.concatenate([np.zeros((1, 3)), *wider])
 
 
 def _log_likelihoods(
     sensor: SensorModel, picture: DrivePicture, offsets: F64, known: KnownDescriptors | None
 ) -> F64 | None:
-    """Return the channels' log-likelihood (N,) at the truth, which is first, and at poses around it."""
+    """Return the log-likelihood (N,) at the truth, which is first, at poses around it, and at references."""
     image = picture.read()
     if image is None:
         return None
@@ -334,7 +348,15 @@ def _log_likelihoods(
     ahead, aside = rotated(offsets[:, 0], offsets[:, 1], heading)
     poses = np.column_stack([x + ahead, y + aside, wrap(heading + offsets[:, 2])]).astype(np.float32)
     comparison = sensor.compare(measured(image, sensor.weights, known)[0])
-    return sensor.references.at(comparison.of_references, poses, origin).astype(np.float64)
+    around = sensor.references.at(comparison.of_references, poses, origin)
+    return np.concatenate([around, comparison.log_likelihood[: sensor.library.size]]).astype(np.float64)
+
+
+def _gains(row: F64) -> F64:
+    """Return the gain (S,) by spread of log-likelihoods (N,); poses outside do not count."""
+    ends = 1 + (COMPARED_POSES - 1) * np.arange(1, len(SPREADS) + 1)
+    parts = np.split(row[1:], ends - 1)
+    return np.array([_gain(np.concatenate([row[:1], part])) for part in parts])
 
 
 def _gain(row: F64) -> float:

@@ -221,6 +221,7 @@ def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(sma
     args = [small_session, "-o", "none", "--start"]
     assert "outside the map" in failure(*args, "-100,-100,0")
     run(*args, "1e300,0,0", expect=2)
+    assert "outside" not in run(*args, "-0.001,0.7,0").stderr  # the map ends at 0
     on_a_wall = run(*args, "0,1,180")
     assert "not in the map's free space" in on_a_wall.stderr
     assert "all weights were zero" in on_a_wall.stderr

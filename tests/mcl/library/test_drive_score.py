@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,11 +47,32 @@ def test_pictures_that_fit_their_places_are_left_alone_by_a_quarter_of_them():
 def test_scales_that_are_too_sharp_are_widened_until_the_pictures_help():
     groups = _groups(lambda pose: pose)
     found = score_drive(_sensor(3.0), groups, RIGHT_M)
-    assert found.is_bad
+    assert found.widening > 1
+    assert (found.tells, found.is_bad) == (True, False)  # they tell the place, and are too sure near it
     assert found.pictures == PICTURES_A_GROUP * MOST_GROUPS
-    assert found.gain < 0
+    assert found.gain < 0 < found.far_gain
     again = score_drive(_sensor(3.0 / found.widening), groups, RIGHT_M)
     assert again.gain > 0
+
+
+def _path():
+    """The library's references along one line, all of one heading."""
+    library = mcl.tiny_library()
+    kept = (library.poses[:, 2] == 0) & (np.abs(library.poses[:, 1] - 0.75) < 0.01)
+    index = {
+        name: replace(channel, references=channel.references[kept]) for name, channel in library.index.items()
+    }
+    return replace(library, poses=library.poses[kept], pictures=(None,) * int(kept.sum()), index=index)
+
+
+def test_a_path_of_references_that_tells_nothing_nearby_and_much_farther_out_is_left_alone():
+    poses = np.array([[x, 0.75, 0.0] for x in np.repeat([0.25, 0.75, 1.25, 1.75], 8)])
+    pictures = [DrivePicture(lambda pose=pose: picture_at(pose), pose) for pose in poses]
+    groups = [pictures[k : k + PICTURES_A_GROUP] for k in range(0, len(pictures), PICTURES_A_GROUP)]
+    settings = {"sensor.widening": 1.0, "references.method": "nearest"}
+    found = score_drive(mcl.make_localizer(_path(), settings=settings).sensor, groups, 0.01)
+    assert found.gain < 0.05 < found.far_gain
+    assert (found.widening, found.tells, found.is_bad) == (1, True, False)
 
 
 def test_pictures_of_other_places_tell_nothing_however_wide_the_scales_are():
