@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import takewhile
 
 import numpy as np
 
@@ -173,14 +175,34 @@ def numbered(runs: Iterable[RunView]) -> list[RunView]:
 
 
 def short_names(labels: Sequence[str]) -> list[str]:
-    """Return labels of at most `SHORT` letters: of long ones both ends, of which no two are alike."""
+    """Return labels of at most `SHORT` letters, no two alike.
+
+    Long ones go without the words that all of them begin and end with; what is still long has both ends.
+    """
     names: list[str] = []
+    parts = [re.split(r"[-_. ]", label) for label in labels if len(label) > SHORT]
+    first, last = (_alike([words[::way] for words in parts]) for way in (1, -1))
     for number, label in enumerate(labels, 1):
-        name = label if len(label) <= SHORT else f"{label[:ENDS]}\N{HORIZONTAL ELLIPSIS}{label[-ENDS:]}"
+        words = re.split(r"[-_. ]", label)
+        own = "-".join(words[first : len(words) - last]) if len(parts) > 1 else ""
+        name = own if 0 < len(own) <= SHORT else f"{label[:ENDS]}\N{HORIZONTAL ELLIPSIS}{label[-ENDS:]}"
+        name = label if len(label) <= SHORT else name
         if name in names or (name != label and name in labels):
             name = f"{label[: SHORT - 3]}\N{HORIZONTAL ELLIPSIS}{number}"
         names.append(name)
     return names
+
+
+def _alike(parts: Sequence[Sequence[str]]) -> int:
+    """Return how many words all begin with."""
+    return len([*takewhile(lambda words: len({*words}) == 1, zip(*parts, strict=False))])
+
+
+def shortly(runs: Sequence[RunView], text: str) -> str:
+    """Return a text in Markdown with short names of runs in place of their labels."""
+    for run in runs:
+        text = text.replace(f"`{run.label}`", f"`{run.short}`")
+    return text
 
 
 def _draws_new(localizer: Localizer) -> str | None:

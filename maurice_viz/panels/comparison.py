@@ -17,7 +17,7 @@ from ..drawing.canvas import Extent, jpeg
 from ..drawing.histogram_row import CELLS_PX, HIGH_PX, KEY_PX, TITLE_PX, Cell, cell_px, cells_of, draw_row
 from ..entities import BARE_FLOORS, COMPARE_CLOSEUP, WALLS, Phase, bars_of, gap_of
 from ..playback import RunResult
-from ..scene import RunView, Scene
+from ..scene import RunView, Scene, shortly
 from ..style import PALE, PICTURE, REFERENCE, TRUTH, Order, font_safe
 from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words, unweighed_words
 from ..text.phases import of_scans
@@ -29,7 +29,7 @@ from .views import Overrides, plane_view
 DOTS_A_CLOUD = 200  # per cloud on the shared map: four full clouds would hide each other
 DOT_PT = 1.5  # radius in points of the screen
 CLOSEUP = Extent(-2.0, 1.15, -1.0, 1.0)  # what is seen of it: the clouds, and left of them
-NAMES_LEFT, NAMES_TOP, NAME_ROW = -1.45, -1.0, 0.19  # the names of the runs, one below the other
+NAMES_LEFT, NAMES_TOP, NAME_ROW = -1.3, -1.0, 0.19  # the names of the runs, one below the other
 KEY_ROWS = (-24, 1, 26)  # of a row of histograms: the tops of the labels of its key
 
 
@@ -95,6 +95,7 @@ class ComparisonDrawing:
         self._log_text(unweighed_words(moment.frame.step))
 
     def _log_text(self, words: str) -> None:
+        words = shortly(self._runs, words)
         words = of_scans(words) if all(run.sees_alone for run in self._runs) else words
         self._rec.log(entities.TEXT, row_of(rr.TextDocument, text=text_of(f"#### {font_safe(words)}")))
 
@@ -103,7 +104,9 @@ class ComparisonDrawing:
         self._log_result(drive_words(results, self._scale))
 
     def _log_result(self, words: str) -> None:
-        text = f"{words}\n\n{key_words(self._scale, self._runs[0].radii, self._has_truth)}"
+        text = (
+            f"{shortly(self._runs, words)}\n\n{key_words(self._scale, self._runs[0].radii, self._has_truth)}"
+        )
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _prepare_run(self, run: RunView) -> None:

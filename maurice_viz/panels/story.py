@@ -21,7 +21,7 @@ from .. import entities
 from ..drawing.arrow import row_of, scalars, text_of
 from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
-from ..scene import RunView, Scene
+from ..scene import RunView, Scene, shortly
 from ..style import STATES, font_safe
 from ..text.lesson import say_lesson
 from ..text.summary import failure_json
@@ -100,6 +100,8 @@ class VerdictDrawing:
 
     def _log_pages(self, lessons: Mapping[int, str], verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the words of steps, with the moments of a tour where verdicts are known."""
+        verdicts = self._shortly(verdicts)
+        lessons = {step: shortly(self._runs, lesson) for step, lesson in lessons.items()}
         tour = tour_of(verdicts) if verdicts else ()
         letters = LETTERS if len(self._runs) >= MOST_CROWDED else None
         pages = tour_pages(tour, verdicts, self._scale, lessons, self._words, self._scene.opens, letters)
@@ -107,11 +109,15 @@ class VerdictDrawing:
             set_place(self._rec, step, self._times_s[step], Phase.PREDICT)
             self._rec.log(TOUR, row_of(rr.TextDocument, text=text_of(font_safe(text))))
 
+    def _shortly(self, verdicts: Mapping[str, RunVerdict]) -> dict[str, RunVerdict]:
+        """Return verdicts by the short names of runs, as all others name them on the screen."""
+        return {run.short: verdicts[run.label] for run in self._runs if run.label in verdicts}
+
     def _decide(self, verdicts: Mapping[str, RunVerdict], so_far: str = "") -> None:
         """Log the verdict, which may be one so far."""
         step = decisive_step(verdicts)
         look = f" Look at **step {step}.**" if len(self._times_s) > 1 else ""
-        self._log(f"{so_far}{headline(verdicts, self._scale)}{look}")
+        self._log(f"{so_far}{headline(self._shortly(verdicts), self._scale)}{look}")
         failures = {
             label: [failure_json(failure, self._scale) for failure in verdict.failures]
             for label, verdict in verdicts.items()

@@ -221,7 +221,7 @@ def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
         parts += [f"{NOTICED}{NOTICED_OF_TRUTH if has_truth else ''}."] if len(runs) == 1 else []
         parts += [GO_THERE]
     if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:
-        does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
+        does = (f"`{run.short}` {draw}" for run, draw in zip(runs, draws, strict=True))
         draws_words = f"{'; '.join(does)}."
         parts.insert(0, of_scans(draws_words) if all(run.sees_alone for run in runs) else draws_words)
     return " ".join(parts)

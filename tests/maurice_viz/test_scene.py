@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_viz.scene import SHORT, RunView, numbered, short_names
+from maurice_viz.scene import SHORT, RunView, numbered, short_names, shortly
 
 
 @pytest.mark.parametrize(
@@ -12,9 +12,10 @@ from maurice_viz.scene import SHORT, RunView, numbered, short_names
     [
         (["thesis", "calibrated"], ["thesis", "calibrated"]),
         (["calibrated-landmarks", "robust"], ["calibra\N{HORIZONTAL ELLIPSIS}ndmarks", "robust"]),
+        (["kitchen-robust-monday", "kitchen-thesis-monday", "S"], ["robust", "thesis", "S"]),
         (
-            ["kitchen-robust-monday", "kitchen-thesis-monday"],  # both ends are alike
-            ["kitchen\N{HORIZONTAL ELLIPSIS}-monday", "kitchen-thesi\N{HORIZONTAL ELLIPSIS}2"],
+            ["kitchen-robust-monday", "kitchen-robust"],
+            ["kitchen\N{HORIZONTAL ELLIPSIS}-monday", "kitchen-robust"],
         ),
     ],
 )
@@ -22,6 +23,12 @@ def test_long_names_are_shortened_and_none_are_alike(labels, names):
     assert short_names(labels) == names
     assert [run.short for run in numbered(RunView(label, ()) for label in labels)] == names
     assert all(len(name) <= SHORT for name in names)
+
+
+def test_no_text_has_the_long_name():
+    runs = numbered(RunView(label, ()) for label in ("kitchen-robust-monday", "kitchen-thesis-monday"))
+    text = "`kitchen-robust-monday` is closer than `kitchen-thesis-monday`."
+    assert shortly(runs, text) == "`robust` is closer than `thesis`."
 
 
 def test_no_name_is_that_of_another_run():
