@@ -24,6 +24,7 @@ from maurice_mcl.scoring.comparison import (
 from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer
+from maurice_mcl.scoring.standing import Standing
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values import F64, NO_PICTURE, USUAL, Arena, Moment, Radii, StepRecord
 
@@ -156,6 +157,10 @@ class ResultCollector:
         self._rivals.add(steps[same[0]][0].frame.step, estimates, knows)
         pairings = self._pairings.items()
         return {label: pairing.see(steps[pairing.first], steps[label]) for label, pairing in pairings}
+
+    def standings(self) -> dict[str, Standing | None]:
+        """Return how each run stands now; None: not known."""
+        return {label: builder.now for label, builder in self._verdicts.items()}
 
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""

@@ -297,6 +297,7 @@ class LiveSession(HasReadingNotes):
             passed = aligned
             if self._makes_an_update(aligned):
                 left_out = self._backlog.put(aligned, self._stop)
+                self._listening.heard()  # the source was not silent while we waited for room
                 if left_out is not None and self._recorder is not None:
                     event = skipped_at(left_out.picture.t_s)
                     self._recorder.add(ascii_line({"t": self._recorded_s, "event": event}))

@@ -24,6 +24,7 @@ from ..running.output import OutputOptions, output_of, show_recording, window_ah
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.run_spec import RunSpec, words_of
 from ..running.saving import Inputs, filters_to_save, saving
+from ..running.watch import LossCommand, Watch
 from ..scene import RunView, Scene
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def _replayed(
         survey = None if library is None else Path(library)
         return follow_source(path, survey, spec, output, live, reading, listener, report)
     if live != LiveOptions():
-        given = "--capture, --keep-up, --every-picture and --patience need a live source"
+        given = "--capture, --keep-up, --every-picture, --patience and --on-lost need a live source"
         raise OptionError(f"{given}: -, tcp://, ws://, cmucam://, or a file with --follow")
     if is_saved(path):
         if not plain or reading != ReadingOptions():
@@ -219,6 +220,7 @@ class LiveOptions:
     capture: Path | None = None  # a folder: write all that comes to its session.log
     keep_up: bool | None = None  # leave out the oldest of more than four waiting pictures
     patience_s: float | None = None  # end when the source was away, or silent, for this long
+    on_lost: str | None = None  # a command to run at each loss, without a shell
 
 
 def patience_of(seconds: float | None) -> Patience:
@@ -247,6 +249,7 @@ def follow_source(
         raise OptionError(f"{what} needs a recording; {advice}")
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 
+    command = None if live.on_lost is None else LossCommand(live.on_lost, listener)
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
     gate = gate_of(reading, scans=False) if asked else None
@@ -260,7 +263,8 @@ def follow_source(
     )
     with LiveSession(live_source(source, reading), listen, recorder, listener.remark) as session:
         try:
-            return _localize(session, spec, replace(output, stem=STEM), listener, report)
+            watch = Watch(listener, command)
+            return _localize(session, spec, replace(output, stem=STEM), watch, listener, report)
         finally:
             if recorder is not None:
                 session.close()  # so that the file is whole when this is remarked
@@ -270,7 +274,12 @@ def follow_source(
 
 
 def _localize(
-    session: LiveSession, spec: RunSpec, output: OutputOptions, listener: Listener, report: Report
+    session: LiveSession,
+    spec: RunSpec,
+    output: OutputOptions,
+    watch: Watch,
+    listener: Listener,
+    report: Report,
 ) -> RunScores:
     """Run the filter on what comes; the drawing begins with the first picture."""
     for text in session.info.notes:
@@ -291,6 +300,7 @@ def _localize(
         [RunView.of(run.label, run.localizer, run.start) for run in runs],
         Scene(session.info, references, first.truth is not None, live=True),
         lambda collector: remark_live(collector, session, listener),
+        watch=watch,
     )
     return play(playback, output, listener, report=report)
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ..playback import RunResult
     from ..running.run import Report, RunScores
 
+ENDED_LOST = 3  # exit status of a live replay with --on-lost whose source ended while a run was lost
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 KIDNAPPED, FEATURES, LASER = STORIES = ("kidnapped", "features", "laser")  # of the demo
 STORY_PRESETS = {KIDNAPPED: ("thesis", "robust"), FEATURES: (), LASER: ("amcl", "laser")}
@@ -52,6 +53,7 @@ def replay(
     capture: opt.Capture = None,
     keep_up: opt.KeepUp = None,
     patience: opt.Patience = None,
+    on_lost: opt.OnLost = None,
     as_recorded: opt.AsRecorded = False,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
@@ -63,17 +65,19 @@ def replay(
 
     output = drawing.output(drive_name(session), save_run, alone=not json_output)
     with listening(usage=False) as listener, serving(output, listener):
-        replay_once(
+        scores = replay_once(
             session,
             **chosen.arguments(),
             seed=seed,
             reading=reading.options(),
-            live=LiveOptions(follow, capture, keep_up, patience),
+            live=LiveOptions(follow, capture, keep_up, patience, on_lost),
             as_recorded=as_recorded,
             output=output,
             report=printed(json_output, all_rows=all_rows),
             listener=listener,
         )
+    if on_lost is not None and scores.ended_lost:
+        raise typer.Exit(ENDED_LOST)
 
 
 def open(  # noqa: A001

@@ -25,7 +25,7 @@ from ..scene import RunView, Scene, shortly
 from ..style import STATES, font_safe
 from ..text.lesson import say_lesson
 from ..text.summary import failure_json
-from ..text.tour import LETTERS, MOST_CROWDED, headline, tour_pages, words
+from ..text.tour import LETTERS, MOST_CROWDED, headline, now_line, tour_pages, words
 from ..text.verdict import NOTHING_YET
 from .laser.scan import reading_of
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
@@ -91,7 +91,8 @@ class VerdictDrawing:
         self._log_pages({step: self._lessons[step]}, {})
         count = len(self._times_s)
         if self._scene.live and (count == 1 or count % self._every == 0):
-            self._decide(verdicts(), f"Up to step {step}: ")
+            told = verdicts()
+            self._decide(told, f"{now_line(told)}Up to step {step}: ")
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, the step to look at, and where to look at each moment of the tour."""

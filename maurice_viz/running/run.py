@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from maurice_loaders.runs.writer import RunWriter
 
     from .observer import SceneObserver
+    from .watch import Watch
 
 COMPLETE_SO_FAR = "the recording and the scores are complete up to that point"
 
@@ -45,6 +46,7 @@ class Playback:
     scene: Scene
     remarks: Callable[[ResultCollector], None]  # reports at the end what the scores do not say
     drawn: range | None = None  # steps that are drawn; None: all of them
+    watch: Watch | None = None  # says what changes, of a live run
 
     def __post_init__(self) -> None:
         self.views = numbered(self.views)
@@ -80,6 +82,12 @@ class RunScores:
     notes: tuple[str, ...] = ()  # of the session: what its reader should know, such as synthetic odometry
     rrd: Path | None = None  # the Rerun recording that was written
     saved_run: Path | None = None  # the folder of the saved run, or runs
+
+    @property
+    def ended_lost(self) -> tuple[str, ...]:
+        """The labels of the runs that were lost at their last step, or probably so."""
+        standings = {run.label: run.verdict.now for run in self.runs}
+        return tuple(label for label, now in standings.items() if now is not None and now.is_lost)
 
     def to_json(self) -> dict[str, Any]:
         """Return the scores as `--json` prints them."""
@@ -167,6 +175,8 @@ def step_through(
                     if observer is not None and playback.draws(steps):
                         observer.see(steps, pairs, collector.verdicts)
                 listener.progress(collector.updates, playback.total, "replay")
+                if playback.watch is not None:
+                    playback.watch.see(steps, collector)
     finally:
         results = collector.results() if collector.updates else []
         for result in results:

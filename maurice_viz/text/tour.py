@@ -65,6 +65,13 @@ def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     return text
 
 
+def now_line(verdicts: Mapping[str, RunVerdict]) -> str:
+    """Return how runs of a live drive stand: "Now: localized, since step 640. "; "" where nothing tells."""
+    named = {f"`{label}` " if len(verdicts) > 1 else "": run.now for label, run in verdicts.items()}
+    parts = [f"{name}{now.words}, since step {now.since}" for name, now in named.items() if now is not None]
+    return f"Now: {'; '.join(parts)}. " if parts else ""
+
+
 def _too_few(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     """Return where runs of a few steps are: "After 1 step: `a` is 63.5 in off. Too early to say more."."""
     names = {label: f"`{label}`" if len(verdicts) > 1 else "the filter" for label in verdicts}

@@ -20,6 +20,7 @@ from ..scoring.comparison import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore
+from ..scoring.standing import Standing, StandingFinder
 from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
@@ -100,6 +101,7 @@ class RunVerdict:
     failures: tuple[Failure, ...] = ()  # each time it was lost or never localized, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
+    now: Standing | None = None  # how it stands at the last update; None: not known
     odometry_alone: OdometryAlone | None = None  # without its sensors; None: no known start, or no truth
 
     @property
@@ -296,6 +298,7 @@ class VerdictBuilder:
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
+    _standing: StandingFinder = field(default_factory=StandingFinder)
     _sum_m: float = 0.0
     _scored: int = 0  # updates
     _converged: int = 0
@@ -315,6 +318,7 @@ class VerdictBuilder:
         self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
         episodes = self._diagnosis.episodes
+        self._standing.see(step, episodes)
         score, left = episodes.score, LEFT_MAP in record.events
         self._converged += int(score.converged)
         if score.correct is not None:
@@ -338,6 +342,11 @@ class VerdictBuilder:
         """The lost signal of the run, up to now."""
         return self._diagnosis.episodes.signal
 
+    @property
+    def now(self) -> Standing | None:
+        """How the run stands at the last update; costs nothing, other than a verdict."""
+        return self._standing.standing
+
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
         count, sure = max(self._verdict.updates, 1), [is_sure for _, is_sure in self._judged]
@@ -359,6 +368,7 @@ class VerdictBuilder:
             incidents=self._incidents.incidents,
             failures=failures,
             ambiguity=self._ambiguity.ambiguity,
+            now=self.now,
         )
 
     def _error(self, verdict: RunVerdict, step: int, score: StepScore) -> dict[str, Any]:

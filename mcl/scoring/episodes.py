@@ -244,6 +244,11 @@ class EpisodeFinder:
         return (episode,)
 
     @property
+    def open_episode(self) -> Episode | None:
+        """The episode that is going on."""
+        return self.episodes[-1] if self._open else None
+
+    @property
     def is_bereft(self) -> bool:
         """Whether no particle was near the truth at the last update."""
         return bool(self._recent) and self._recent[-1].bereft

@@ -281,6 +281,11 @@ Patience = Annotated[
         metavar="SECONDS",
     ),
 ]
+_ON_LOST = (
+    "For a live source: run this command, without a shell, each time that a run is lost. A replay that ends "
+    "lost then has the exit status 3."
+)
+OnLost = Annotated[str | None, option("--on-lost", _ON_LOST, LIVE, metavar="COMMAND")]
 
 
 @dataclass(frozen=True, slots=True)
