@@ -118,17 +118,28 @@ def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
     return bool(ESTIMATED.search(truth.topic)) or POSE_WITH_COVARIANCE in types
 
 
-def nothing_to_read(topics: Sequence[Topic]) -> str:
-    """Return the error of a bag with neither pictures nor poses, which lists what it has."""
+def nothing_to_read(topics: Sequence[Topic], *, live: bool = False) -> str:
+    """Return the error of a bag with neither pictures nor poses, which lists what it has.
+
+    Of a `live` source: with neither pictures nor scans, as the filter waits for these.
+    """
     wanted = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
+    if live:
+        wanted = (
+            "expected pictures or scans; name a topic with --reading image_topic=... or scan_topic=..., "
+            "or start the camera"
+        )
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
-    parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
+    parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics, live)}", *more]
+    if live:
+        parts = [f"found neither, {wanted}", f"it has {listed(topics, live)}"]
     return "; ".join(part for part in (*parts, _video_advice(topics), _points_advice(topics)) if part)
 
 
-def listed(topics: Sequence[Topic]) -> str:
-    """List topics with their types and counts."""
-    parts = [f"{t.name} ({t.type or 'no type'}, {t.count}{_why(t)})" for t in topics[:SHOWN]]
+def listed(topics: Sequence[Topic], live: bool = False) -> str:
+    """List topics with their types and counts, of which there are none while they are `live`."""
+    counts = {t.name: "" if live else f", {t.count}" for t in topics}
+    parts = [f"{t.name} ({t.type or 'no type'}{counts[t.name]}{_why(t)})" for t in topics[:SHOWN]]
     more = f" and {len(topics) - SHOWN} more" if len(topics) > SHOWN else ""
     return f"{', '.join(parts)}{more}" if parts else "no topic at all"
 

@@ -45,6 +45,13 @@ class Counts:
     broken: int = 0  # lines left out
     gaps: int = 0  # interruptions
 
+    @property
+    def observed(self) -> str:
+        """What came of that which makes moments, in words: "14 pictures", "3 pictures and 40 scans"."""
+        numbers = {"picture": self.pictures, "scan": self.scans}
+        parts = [f"{count} {name}{'s' * (count != 1)}" for name, count in numbers.items() if count]
+        return " and ".join(parts) or "no pictures"
+
 
 class Intake:
     """One pass through a source. Broken lines are counted and left out; SourceError where nothing is left."""
@@ -134,7 +141,8 @@ class Intake:
 
     def _lose(self, lost: Disconnected) -> None:
         if lost.why != self._why:
-            self._say(f"{self._source.name}: {lost.why}; trying again")
+            then = "waiting for it" if self._source.is_file and not lost.hung_up else "trying again"
+            self._say(f"{self._source.name}: {lost.why}; {then}")
         self._why = lost.why
         self._hung_up = lost.why if lost.hung_up else self._hung_up
         if self._away_since_s is None:

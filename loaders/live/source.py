@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import select
@@ -39,6 +40,7 @@ class LiveSource:
     peer: bool = False  # a remote program, disconnected when it sends invalid data
     folder: Path | None = None  # of pictures given by their path; None: paths are refused
     waits: bool = True  # loses nothing when it is not read for a while
+    is_file: bool = False  # may come to be later
 
 
 def is_live(text: Path | str) -> bool:
@@ -58,7 +60,7 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
         )
     if (scheme := _SCHEME.match(typed)) is None:
         path = session_in(Path(text))
-        return LiveSource(typed, partial(FileStream, path), folder=path.parent)
+        return LiveSource(typed, partial(FileStream, path), folder=path.parent, is_file=True)
     if scheme[1] is None:
         from .cmucam import camera_at
 
@@ -221,6 +223,7 @@ class LineCutter:
 
 POLL_S = 0.25  # interval of checking whether to stop
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0  # between two attempts
+AWAY_S = 30.0  # most time that a source other than a file may be away
 SENSE_S = 10.0  # after a connection, in which a peer must send something valid
 
 
@@ -251,7 +254,7 @@ Arrival: TypeAlias = LogLine | Malformed | Connected | Disconnected | None  # No
 class Patience:
     """When listening ends by itself."""
 
-    away_s: float = 30.0  # most time that a source may be away
+    away_s: float | None = None  # most time that a source may be away; None: 30 s, and a file forever
     silent_s: float | None = None  # most time that a connected source may be silent; None: forever
 
 
@@ -293,7 +296,7 @@ class Listening:
             try:
                 channel = self._source.connect()
             except OSError as problem:
-                yield Disconnected(_reason(problem))
+                yield Disconnected(self._why_not(problem))
             else:
                 yield Connected()
                 yield from self._connection(channel)
@@ -304,8 +307,13 @@ class Listening:
             self._stop.wait(self._wait_s)
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
 
+    def _why_not(self, problem: OSError) -> str:
+        awaited = self._source.is_file and isinstance(problem, FileNotFoundError)
+        return "is not there yet" if awaited else _reason(problem)
+
     def _connection(self, channel: ByteStream) -> Iterator[Arrival]:
-        cutter, why = LineCutter(), "has hung up"
+        cutter = LineCutter()
+        why = "was replaced, cut or deleted" if self._source.is_file else "has hung up"
         self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
         try:
             while not self._stop.is_set():
@@ -348,8 +356,10 @@ class Listening:
         return bool(self.ended)
 
     def _out_of_patience(self) -> bool:
-        if not self.ended and time.monotonic() - self._heard_s > self._patience.away_s:
-            self.ended = f"{self._source.name} was away for {self._patience.away_s:g} s"
+        usual_s = math.inf if self._source.is_file else AWAY_S
+        limit_s = usual_s if self._patience.away_s is None else self._patience.away_s
+        if not self.ended and time.monotonic() - self._heard_s > limit_s:
+            self.ended = f"{self._source.name} was away for {limit_s:g} s"
         return bool(self.ended)
 
 

@@ -60,6 +60,11 @@ class Foxglove:
         """The topics that are announced now."""
         return sorted_topics([_topic(channel) for channel in self._channels.values()])
 
+    @property
+    def silence(self) -> str:
+        """Why no topic is known, where that can be told."""
+        return "" if self._channels else f"found no topic: the bridge announced none in {CHOOSE_S:g} s"
+
     def greet(self) -> Iterator[str]:
         """Nothing: the server sends first."""
         yield from ()
@@ -135,6 +140,7 @@ def _decode(channel: _Channel, data: bytes) -> Any:
 # The rosbridge protocol, as a client: topics, subscriptions and messages in JSON.
 
 ASK = "/rosapi/topics"
+ROSAPI = "is the node rosapi running? On the robot: ros2 run rosapi rosapi_node, or rosrun in ROS 1"
 QUEUE = 10  # messages that the bridge buffers for us
 
 
@@ -149,6 +155,12 @@ class Rosbridge:
     def topics(self) -> tuple[Topic, ...]:
         """The topics that the server reported."""
         return self._topics
+
+    @property
+    def silence(self) -> str:
+        """Why no topic is known, where that can be told."""
+        asked = f"found no answer to {ASK} from the server, expected its list of topics"
+        return "" if self._topics else f"{asked}; {ROSAPI}"
 
     def greet(self) -> Iterator[str]:
         """Ask for the topics; the server needs its node rosapi for an answer."""
@@ -182,7 +194,7 @@ class Rosbridge:
 
     def _announce(self, found: dict[str, object]) -> None:
         if found.get("result") is False:
-            raise FieldError(f"found no answer to {ASK} ({found.get('values')}); does the robot run rosapi?")
+            raise FieldError(f"found no answer to {ASK} ({found.get('values')}); {ROSAPI}")
         values = mapping(found.get("values"), "values")
         names, types = items(values.get("topics"), "topics"), items(values.get("types"), "types")
         pairs = zip(names, types, strict=False)
@@ -307,7 +319,7 @@ class WebsocketStream:
             return b""
         if chosen.image is None and not (late and chosen.scan):  # a camera may yet be announced
             if late:
-                raise SourceError(self._name, nothing_to_read(known))
+                raise SourceError(self._name, self._bridge.silence or nothing_to_read(known, live=True))
             return b""
         needed = transforms if _needs_frames(chosen) or chosen.scan else ()
         self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed, chosen.scan)

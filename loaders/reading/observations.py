@@ -11,7 +11,7 @@ from functools import reduce
 
 import numpy as np
 
-from maurice_mcl.values import F64, compose, motion_between
+from maurice_mcl.values import F64, SKIPPED, compose, motion_between
 
 from ..errors import ReadingNotes
 from .options import ReadingOptions
@@ -44,7 +44,6 @@ def gate_of(options: ReadingOptions, *, scans: bool) -> Gate:
     return Gate(asked[0] or 0.0, asked[1] or 0.0)
 
 
-SKIPPED = "skipped"  # first word of the events that tell of it
 SKIPPED_AT = re.compile(rf"{SKIPPED}: what came at (\S+) s")
 
 

@@ -269,8 +269,7 @@ def follow_source(
             if recorder is not None:
                 session.close()  # so that the file is whole when this is remarked
                 counts = session.counts
-                received = f"{counts.records} records, {counts.pictures} of them pictures"
-                listener.remark(f"{session.path}: {received}")
+                listener.remark(f"{session.path}: {counts.records} records, {counts.observed}")
 
 
 def _localize(
@@ -340,7 +339,7 @@ def remark_live(collector: ResultCollector, session: LiveSession, listener: List
     _remark_left_out(session, listener)
     policy = "the oldest of more than four waiting" if session.keep_up else "none is left out"
     kept = "; what moved before them was kept" if session.skipped else ""
-    listener.remark(f"{counts.pictures} pictures came, {session.skipped} were skipped ({policy}){kept}")
+    listener.remark(f"{counts.observed} came, {session.skipped} were skipped ({policy}){kept}")
     remark_zeros(collector, listener)
 
 

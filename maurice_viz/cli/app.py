@@ -79,6 +79,7 @@ FAMILIES = {
     "calibrate": "Fit the motion model, the camera's noise and the belief.",
     "trials": "Make many runs, and print their figures or a page.",
 }
+ONE_SLASH = re.compile(r"(tcp|wss?):/?(?=[^/])")  # of an address; a path would lose the second one as well
 HELP = "help"  # a command, for who does not know --help
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
@@ -225,9 +226,12 @@ class ReplayByDefault(CommandList):
                 typer.echo(formatter.getvalue().strip("\n"))
                 raise typer.Exit
             args = [*args[1:], "--help"]
+        for word in args if not ctx.resilient_parsing else ():
+            if (scheme := ONE_SLASH.match(word)) and not Path(word).exists():
+                fail(f"{word}: expected two slashes, as in {scheme[1]}://{word[scheme.end() :]}")
         if args and args[0] not in OWN_OPTIONS and args[0] not in self.list_commands(ctx):
             word = args[0]  # neither an option, an address nor a file: a mistyped command, probably
-            is_path = word.startswith("-") or "://" in word or Path(word).exists()
+            is_path = word.startswith("-") or "://" in word or "--follow" in args or Path(word).exists()
             if not is_path and not ctx.resilient_parsing:
                 from maurice_loaders.files.paths import nearest_path
 

@@ -89,10 +89,11 @@ def _tell(session: LiveSession, json_output: bool) -> None:
     if info is None:
         note("stopped before a header came; nothing was written")
     if json_output:
-        numbers = {"records": counts.records, "pictures": counts.pictures, "broken": counts.broken}
+        observed = {"pictures": counts.pictures, "scans": counts.scans}
+        numbers = {"records": counts.records} | observed | {"broken": counts.broken}
         print_json({"session": session.path, **numbers, "gaps": counts.gaps})
     elif info is not None:
-        results.say(f"{session.path}: {counts.records} records, {counts.pictures} of them pictures")
+        results.say(f"{session.path}: {counts.records} records, {counts.observed}")
 
 
 def convert(

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from maurice_loaders.reading.observations import SKIPPED
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.scoring.comparison import Step
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.standing import Standing
+from maurice_mcl.values import skipped_before
 
 from ..errors import Listener, OptionError
 from ..playback import ResultCollector
@@ -101,11 +101,12 @@ class Watch:
         """Say when the filter becomes slower than the robot, and when it keeps up again."""
         moment, _ = first
         step, now_s = moment.frame.step, time.monotonic()
-        took_s, self._begun_s = now_s - self._begun_s, now_s
-        count = sum(int(text.split()[1]) for text in moment.told(SKIPPED))
+        is_first, took_s, self._begun_s = not self._begun_s, now_s - self._begun_s, now_s
+        count = skipped_before(moment.events)
         self._skipped += count
         if count and self._skips_at is None:
-            slow = f"the filter is slower than the robot: {took_s:.2g} s for this step"
+            took = "" if is_first else f": {took_s:.2g} s from step to step"
+            slow = f"the filter is slower than the robot{took}"
             faster = "fewer --particles or less --detail is faster"
             self.listener.remark(f"{self.clock()} step {step} skips pictures ({slow}; {faster})")
         if count:

@@ -25,6 +25,8 @@ from .laser import causes as laser_causes
 
 NAMES: Mapping[str, str] = {  # of evidence; others are their own names without a unit
     "told": "known from",
+    "skipped": "pictures skipped",
+    "source": "the source told of",
     "moved_m": "the truth moved",
     "driven_m": "odometry says",
     "gap_s": "time without a record",
@@ -161,6 +163,14 @@ def _value(name: str, value: float | str, scale: Scale) -> str:
 def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if "equal_pictures" in e:
         return f"the camera gave the same picture {e['equal_pictures']} times from step {failure.first} on"
+    count = e.get("skipped", 0)
+    if failure.of_live == kinds.SKIPPED:
+        some = f"{count} picture{'s' * (count > 1)} before step {failure.first}"
+        return f"the filter was too slow for this robot: {some} {'were' if count > 1 else 'was'} skipped"
+    if failure.of_live == kinds.CLOCK:
+        return f"the robot's clock was set back before step {failure.first}"
+    if failure.of_live == kinds.AWAY:
+        return f"the source was away for {e['gap_s']:.0f} s before step {failure.first}"
     gap = f"a gap of {e['gap_s']:.0f} s before step {failure.first} (usually {e['usual_s']:.1f} s)"
     moved = f", in which the robot moved {scale.say(e['moved_m'])}" if "moved_m" in e else ""
     return f"the recording has {gap}{moved}"

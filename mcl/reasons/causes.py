@@ -104,6 +104,8 @@ def title_of(kind: str, has_laser: bool) -> str:
 
 
 Value = float | str
+SKIPPED, AWAY, CLOCK = "skipped", "gap", "clock"  # first words of the events of a live source that tell of it
+OF_LIVE = {SKIPPED: "pictures skipped", AWAY: "the source was away", CLOCK: "clock set back"}  # titles
 TOO_DARK = 0.2  # of the expected brightness, at most: nothing can be seen
 
 
@@ -124,8 +126,17 @@ class Failure:
         return "scans" in self.evidence
 
     @property
+    def of_live(self) -> str:
+        """What of a live source explains a gap: a key of OF_LIVE; "" for a gap in the recording."""
+        if self.kind != DATA:
+            return ""
+        return SKIPPED if "skipped" in self.evidence else str(self.evidence.get("source", ""))
+
+    @property
     def title(self) -> str:
         """The cause in a word or two."""
+        if self.of_live:
+            return OF_LIVE[self.of_live]
         is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
         return "too dark" if is_dark else title_of(self.kind, self.has_laser)
 

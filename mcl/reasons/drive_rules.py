@@ -7,7 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..values import first_word
-from .causes import DATA, KIDNAPPED, LEFT_MAP, MOTION, NUMERIC, OUT_OF_PLANE, PROPOSAL, RESAMPLING, Failure
+from .causes import (
+    AWAY,
+    CLOCK,
+    DATA,
+    KIDNAPPED,
+    LEFT_MAP,
+    MOTION,
+    NUMERIC,
+    OUT_OF_PLANE,
+    PROPOSAL,
+    RESAMPLING,
+    Failure,
+    Value,
+)
 from .evidence import Story, UpdateEvidence
 
 LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a robot is carried in less
@@ -33,10 +46,25 @@ def gap_in_log(story: Story) -> Failure | None:
         speed = (update.moved_m or 0.0) / max(update.after_s or 0.0, 1e-9) / max(story.usual_speed, 1e-9)
         if speed <= (VERY_SPEEDING if times >= VERY_LONG_GAP else SPEEDING):
             moved = {"moved_m": update.moved_m or 0.0, "driven_m": update.driven_m}
-            return story.failure(
-                DATA, update.step, gap_s=update.after_s or 0.0, usual_s=story.usual_s, **moved
-            )
+            return gap_before(story, update, **moved)
     return None
+
+
+def gap_before(story: Story, update: UpdateEvidence, **evidence: Value) -> Failure:
+    """Return the failure of a gap before an update, with whose it was where a live source tells."""
+    gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s} | evidence
+    told = next((text for text in update.events if first_word(text) in (AWAY, CLOCK)), "")
+    of_source = {"source": first_word(told)} if told else {}
+    skipped = {"skipped": update.skipped} if update.skipped else {}
+    return story.failure(DATA, update.step, **gap, **skipped, **of_source)
+
+
+def too_slow(story: Story, updates: Sequence[UpdateEvidence]) -> Failure | None:
+    """At least half of the pictures of a live source were skipped: the filter was slower than the robot."""
+    skipping = [update for update in updates if update.skipped]
+    if sum(update.skipped for update in skipping) < max(len(updates), 1):
+        return None
+    return story.failure(DATA, skipping[0].step, skipped=sum(update.skipped for update in skipping))
 
 
 def stuck_pictures(story: Story) -> Failure | None:

@@ -19,8 +19,16 @@ from ..scoring.episodes import PROBABLY_LOST, Episode
 from ..scoring.lost_signal import KNOWS_ABOVE
 from ..sensor.laser.fit import OFF_SHARE, ScanFit
 from ..values import F64
-from .causes import DATA, KIDNAPPED, LIGHTING, UNKNOWN, VIEW, Failure
-from .drive_rules import VERY_LONG_GAP, cloud_left, has_left, stuck_pictures, weights_vanish
+from .causes import KIDNAPPED, LIGHTING, UNKNOWN, VIEW, Failure
+from .drive_rules import (
+    VERY_LONG_GAP,
+    cloud_left,
+    gap_before,
+    has_left,
+    stuck_pictures,
+    too_slow,
+    weights_vanish,
+)
 from .evidence import FIRST_UPDATES, Story, UpdateEvidence
 from .surroundings import Surroundings
 
@@ -106,8 +114,9 @@ def _cause(story: Story, around: Surroundings | None) -> Failure:
         if has_left(update):
             return cloud_left(story, [update])
         if story.waited(update) >= VERY_LONG_GAP:
-            gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s}
-            return story.failure(DATA, update.step, **gap)
+            return gap_before(story, update)
+    if (failure := too_slow(story, since)) is not None:
+        return failure
     if updates[lost].scan_here is not None:
         return _by_scans(story)
     for rule in (stuck_pictures, weights_vanish):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -72,6 +72,19 @@ def first_word(text: str) -> str:
     """
     word = FIRST_WORD.search(text)
     return word[0].lower() if word else ""
+
+
+SKIPPED = "skipped"  # first word of the events of a live run that left observations out
+SKIPPED_COUNT = re.compile(rf"{SKIPPED}: (\d+) ")
+
+
+def skipped_before(events: Iterable[str]) -> int:
+    """Return how many observations a live run left out right before a moment with these events.
+
+    >>> skipped_before(["bump", "skipped: 3 pictures: the filter was too slow"])
+    3
+    """
+    return sum(int(match[1]) for text in events if (match := SKIPPED_COUNT.match(text)))
 
 
 def is_kidnapping(text: str) -> bool:

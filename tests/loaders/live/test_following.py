@@ -154,6 +154,35 @@ def slowly(lines: list[bytes], pause_s: float) -> Act:
     return say
 
 
+def test_a_file_that_is_not_there_yet_is_waited_for(small_session: Path, tmp_path: Path) -> None:
+    new = tmp_path / "new.log"
+    command = [*MAIN, str(new), "--follow", "--json", "-o", "none"]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
+    assert process.stderr is not None
+    assert process.stderr.readline() == f"{new}: is not there yet; waiting for it\n"
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, rest) == (130, "maurice-replay: stopped\n")
+
+    def write() -> None:
+        time.sleep(0.5)
+        for path in (small_session.parent / "pictures").iterdir():
+            (tmp_path / "pictures").mkdir(exist_ok=True)
+            (tmp_path / "pictures" / path.name).write_bytes(path.read_bytes())
+        part = tmp_path / "part"
+        part.write_bytes(small_session.read_bytes())
+        part.rename(new)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    words = ["--library", small_session.parent / "survey.log", "--patience", "2", "-o", "none", "--json"]
+    done = run(new, "--follow", *words)
+    writer.join()
+    assert done.exit_code == 0, done.stderr
+    assert len(json.loads(done.stdout)["runs"]) == 1
+
+
 def test_stopping_leaves_complete_files(inline: list[bytes], library: Path) -> None:
     with peer(slowly(inline + inline[1:] * 20, 0.02)) as address:
         words = [address, "--library", library, "--capture", "rec", "-o", "a.rrd", "--json"]
@@ -233,7 +262,7 @@ def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> No
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     # Twice all lines but the header, and the event that says that the source was away.
-    counts = {"records": 2 * (len(inline) - 1), "pictures": 28, "broken": 0, "gaps": 1}
+    counts = {"records": 2 * (len(inline) - 1), "pictures": 28, "scans": 0, "broken": 0, "gaps": 1}
     assert told == {"session": "rec/session.log"} | counts
     assert "was away for 0.5 s; ended" in done.stderr
     assert open_session(Path("rec/session.log")).count_pictures() == 28

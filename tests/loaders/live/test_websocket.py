@@ -171,6 +171,39 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
         assert "not JSON" in str(session.problems[0])
 
 
+def test_a_rosbridge_without_rosapi_is_told_by_its_name() -> None:
+    def serve(connection: Any) -> None:
+        for text in connection:  # rosbridge says so of a service that it does not know
+            request = json.loads(text)
+            answer = {"op": "service_response", "id": request["id"], "values": "unknown", "result": False}
+            connection.send(json.dumps(answer))
+
+    with (
+        rosbridge(serve) as address,
+        LiveSession(live_source(address), ListenOptions(patience=SOON)) as session,
+        pytest.raises(InputError) as told,
+    ):
+        list(session.moments())
+    expect_facts(
+        str(told.value), "found no answer to /rosapi/topics", "rosapi", "ros2 run rosapi rosapi_node"
+    )
+
+
+def test_a_bridge_without_pictures_is_told_what_is_missing_and_what_is_there() -> None:
+    def wait(connection: Any) -> None:
+        connection.recv()
+
+    topics = {"/odom": "nav_msgs/Odometry"}
+    with (
+        rosbridge(after_subscribing(wait, topics)) as address,
+        LiveSession(live_source(address), ListenOptions(patience=SOON)) as session,
+        pytest.raises(InputError) as told,
+    ):
+        list(session.moments())
+    expect_facts(str(told.value), "expected pictures or scans", "it has /odom (nav_msgs/Odometry)")
+    assert "expected odometry" not in str(told.value)
+
+
 NO_WEBSOCKETS: dict[str, bytes] = {
     "an endless line": b"x" * 200_000,
     "random bytes": np.random.default_rng(0).bytes(3000) + b"\n\r\n\r\n",

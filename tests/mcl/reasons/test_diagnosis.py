@@ -235,6 +235,17 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
     assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
     assert run(cloud_left=True).kind == "left_map"
     assert run(zero=True, inside=0).kind == "left_map"  # no weight, as no particle is on the map
+    slow = "skipped: 30 pictures: the filter was too slow"
+    for event, title in (
+        (slow, "pictures skipped"),
+        ("gap: the source was away for 60.0 s", "the source was away"),
+        ("clock: set back by 3.0 s; odometry across it is not known", "clock set back"),
+        ("bump", "gap in the recording"),
+    ):
+        failure = run(after_s=60.0, events=(event,))
+        assert (failure.kind, failure.title) == ("data", title)
+    assert run(events=(slow,)).title == "pictures skipped"  # most of them, though the time between is usual
+    assert run(events=(slow.replace("30", "1"),)).kind == "unknown"
 
 
 def test_a_view_has_changed_only_where_pictures_cost_more_than_usual_or_than_before():
