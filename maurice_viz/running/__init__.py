@@ -14,6 +14,7 @@ The walk of a replay, from the command to a dot on the screen:
 
 Beside them: `drive.py` draws drives alone, `recorded.py` has another localizer's runs from bags,
 `drive_check.py` asks whether a drive's pictures agree with the library, `saving.py` writes runs while they
-go, `saved_steps.py` restores the steps of saved runs, `verify.py` filters a saved run again. Nothing here
-prints, and nothing here decides how something looks or what words say.
+go, `watch.py` says what changes while a live source is followed, `saved_steps.py` restores the steps of saved
+runs, `verify.py` filters a saved run again. Nothing here prints, and nothing here decides how something looks
+or what words say.
 """

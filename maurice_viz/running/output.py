@@ -28,7 +28,7 @@ from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..scene import Detail, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name
-from .watch import WriteRate
+from .watch import write_rate
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -195,7 +195,7 @@ def drawing(
     with sink as rec:
         drawn.observer = SceneObserver(rec, runs, scene, detail)
         if scene.live:
-            drawn.observer.wrote = _write_rate(runs, detail, _path(output), listener).see
+            drawn.observer.wrote = write_rate(runs, detail, _path(output), listener).see
         yield drawn
         if drawn.step is not None:  # the layout of runs that are over
             ended = replace(scene, most_m=drawn.observer.most_m)
@@ -394,19 +394,6 @@ def _remark_size(
         seconds = sum(expected_seconds(detail, scene.updates, run.particles) for run in runs)
         takes = f"{seconds / 60:.0f} minutes" if seconds >= SOME_MINUTES_S else f"{seconds:.0f} seconds"
         listener.remark(f"{path} will be about {total / 1e6:.0f} MB and take about {takes}{smaller}")
-
-
-def _write_rate(runs: Sequence[RunView], detail: Detail, path: Path, listener: Listener) -> WriteRate:
-    """Return what measures how fast a live recording grows, and knows what grows less."""
-    from ..viewer.sinks import part_of
-    from .observer import expected_bytes
-
-    light, full = (
-        sum(expected_bytes(each, 1000, run.particles, len(run.channels)) for run in runs)
-        for each in (Detail.LIGHT, detail)
-    )
-    smaller = {} if detail is Detail.LIGHT else {"--detail light": light / full}
-    return WriteRate(path, lambda: part_of(path).stat().st_size, smaller, listener)
 
 
 def _command(name: str) -> str:

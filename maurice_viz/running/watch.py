@@ -7,7 +7,7 @@ import shlex
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from maurice_mcl.values import skipped_before
 
 from ..errors import Listener, OptionError
 from ..playback import ResultCollector
+from ..scene import Detail, RunView
 
 FEW = 5  # steps of searching before it is said: a run that knows where it is begins so, too
 KEEPS_UP = 20  # steps without a skipped picture, after which it is said that the filter keeps up
@@ -150,3 +151,16 @@ class WriteRate:
             less = [f"{option} writes {a_hour * share / GB:.2g}" for option, share in self.smaller.items()]
             texts = [f"{self.path} grows by about {a_hour / GB:.2g} GB an hour", *less]
             self.listener.remark("; ".join(texts))
+
+
+def write_rate(runs: Sequence[RunView], detail: Detail, path: Path, listener: Listener) -> WriteRate:
+    """Return what measures how fast a live recording grows, and knows what grows less."""
+    from ..viewer.sinks import part_of
+    from .observer import expected_bytes
+
+    light, full = (
+        sum(expected_bytes(each, 1000, run.particles, len(run.channels)) for run in runs)
+        for each in (Detail.LIGHT, detail)
+    )
+    smaller = {} if detail is Detail.LIGHT else {"--detail light": light / full}
+    return WriteRate(path, lambda: part_of(path).stat().st_size, smaller, listener)

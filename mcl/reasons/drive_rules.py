@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..values import first_word
+from ..values import first_word, skipped_before
 from .causes import (
     AWAY,
     CLOCK,
@@ -55,16 +55,18 @@ def gap_before(story: Story, update: UpdateEvidence, **evidence: Value) -> Failu
     gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s} | evidence
     told = next((text for text in update.events if first_word(text) in (AWAY, CLOCK)), "")
     of_source = {"source": first_word(told)} if told else {}
-    skipped = {"skipped": update.skipped} if update.skipped else {}
+    count = skipped_before(update.events)
+    skipped = {"skipped": count} if count else {}
     return story.failure(DATA, update.step, **gap, **skipped, **of_source)
 
 
 def too_slow(story: Story, updates: Sequence[UpdateEvidence]) -> Failure | None:
     """At least half of the pictures of a live source were skipped: the filter was slower than the robot."""
-    skipping = [update for update in updates if update.skipped]
-    if sum(update.skipped for update in skipping) < max(len(updates), 1):
+    counts = {update.step: skipped_before(update.events) for update in updates}
+    if sum(counts.values()) < max(len(updates), 1):
         return None
-    return story.failure(DATA, skipping[0].step, skipped=sum(update.skipped for update in skipping))
+    first = next(step for step, count in counts.items() if count)
+    return story.failure(DATA, first, skipped=sum(counts.values()))
 
 
 def stuck_pictures(story: Story) -> Failure | None:

@@ -19,19 +19,7 @@ from ..scoring.metrics import StepScore
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER
-from ..values import (
-    F32,
-    F64,
-    INCH_M,
-    NO_PICTURE,
-    Frame,
-    Moment,
-    StepRecord,
-    first_word,
-    is_kidnapping,
-    skipped_before,
-    wrap,
-)
+from ..values import F32, F64, INCH_M, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
 from .causes import Failure, Value, driven
 from .surroundings import LightFit, PlaceFit, Surroundings, UsualFit, layout_fit, mean_level
 
@@ -128,11 +116,6 @@ class UpdateEvidence:
     scan_here: ScanFit | None = None  # the same at the estimate, where no truth is known
     elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
     later: Callable[[], dict[str, Any]] | None = None  # returns surprise and scan, if not known yet
-
-    @property
-    def skipped(self) -> int:
-        """The pictures right before that a live run left out, as the filter was too slow."""
-        return skipped_before(self.events)
 
     @property
     def kidnapped(self) -> bool:

@@ -5,6 +5,7 @@ Why it was so is in `reasons`.
 - `metrics`: definitions of localized, lost and converged; scores of a step, a run, and many runs as arrays;
   the thesis's success
 - `episodes`: when a run was lost, searching, wrong and confident
+- `standing`: how a run stands now: localized, searching, lost
 - `events`: the steps that a person wants to look at
 - `lost_signal`: how likely it is that a run is lost, without the truth
 - `modes`: what became of the particles at the true place; modes, followed from step to step; ancestors

@@ -281,10 +281,7 @@ Patience = Annotated[
         metavar="SECONDS",
     ),
 ]
-_ON_LOST = (
-    "For a live source: run this command, without a shell, each time that a run is lost. A replay that ends "
-    "lost then has the exit status 3."
-)
+_ON_LOST = "For a live source: run this, without a shell, at each loss; to end lost is exit status 3."
 OnLost = Annotated[str | None, option("--on-lost", _ON_LOST, LIVE, metavar="COMMAND")]
 
 
