@@ -131,7 +131,6 @@ class SceneObserver:
         detail: Detail = Detail.FULL,
     ) -> None:
         self._rec, self._live = rec, scene.live
-        self.wrote: Callable[[], None] = lambda: None  # called after each update
         self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
         self._has_truth = scene.has_truth
         self._comparison: ComparisonDrawing | None = None
@@ -158,7 +157,6 @@ class SceneObserver:
         self._verdict.see(steps, verdicts)
         if self._live:
             self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
-        self.wrote()
 
     def _see_length(self, offset_m: F64 | tuple[float, float]) -> None:
         self.most_m = max(self.most_m, float(np.hypot(*offset_m)))

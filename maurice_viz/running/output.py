@@ -28,7 +28,6 @@ from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..scene import Detail, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name
-from .watch import write_rate
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -194,8 +193,6 @@ def drawing(
         sink = sink_of(drawn, output, scene.info.name, layout, listener, remark_size)
     with sink as rec:
         drawn.observer = SceneObserver(rec, runs, scene, detail)
-        if scene.live:
-            drawn.observer.wrote = write_rate(runs, detail, _path(output), listener).see
         yield drawn
         if drawn.step is not None:  # the layout of runs that are over
             ended = replace(scene, most_m=drawn.observer.most_m)
@@ -209,14 +206,13 @@ def _live_sink(
     """Open a file, and a server that viewers may come to at any time."""
     from ..viewer import sinks
 
-    path = _path(output)
-    window = output.rrd is None and not output.headless and has_display()
+    path = path_of(output)
     with sinks.to_file_and_viewers(
         path,
         name,
         layout,
         force=output.force,
-        window=window,
+        window=output.rrd is None and not output.headless and has_display(),
         viewer=_command("rerun"),
         web=output.web,
         remark=listener.remark,
@@ -261,7 +257,7 @@ def sink_of(
                 yield rec
             _look_at(port, output.place or _place(drawn.step), keys, listener, output)
             return
-    path = _path(output)
+    path = path_of(output)
     before_file(path)
     with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
@@ -273,7 +269,7 @@ def _kept(output: OutputOptions, scene: Scene) -> str:
     """Return the recording, else the saved run, that shows again what is drawn; empty: none is kept."""
     is_file = scene.live or (output.web is None and not output.opens_window)
     if is_file and not output.is_temporary:
-        return str(_path(output))
+        return str(path_of(output))
     return scene.opens if output.save_run is None else str(output.save_run)
 
 
@@ -294,7 +290,8 @@ def _look_at(port: int, place: Place | None, keys: str, listener: Listener, outp
     listener.remark(keys)
 
 
-def _path(output: OutputOptions) -> Path:
+def path_of(output: OutputOptions) -> Path:
+    """Return the Rerun recording that is written."""
     return output.rrd or Path(f"{output.stem}.rrd")
 
 

@@ -26,12 +26,12 @@ from ..style import Scale, units_named
 from ..text.explanation_table import say_other_shape
 from .open import once, remark_skipped
 from .output import OutputOptions, drawing
+from .watch import Watch, write_rate
 
 if TYPE_CHECKING:
     from maurice_loaders.runs.writer import RunWriter
 
     from .observer import SceneObserver
-    from .watch import Watch
 
 COMPLETE_SO_FAR = "the recording and the scores are complete up to that point"
 
@@ -117,6 +117,8 @@ def play(
     stopped: KeyboardInterrupt | None = None
     try:
         with drawing(playback.views, playback.scene, output, listener) as drawn:
+            if playback.watch is not None and drawn.observer is not None:
+                playback.watch.rate = write_rate(playback.views, output, listener)
             try:
                 with savers or nullcontext({}) as writers:
                     step_through(playback, drawn.observer, writers, collector, listener)

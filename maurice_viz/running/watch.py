@@ -20,9 +20,44 @@ from maurice_mcl.values import skipped_before
 from ..errors import Listener, OptionError
 from ..playback import ResultCollector
 from ..scene import Detail, RunView
+from .output import OutputOptions, path_of
 
 FEW = 5  # steps of searching before it is said: a run that knows where it is begins so, too
 KEEPS_UP = 20  # steps without a skipped picture, after which it is said that the filter keeps up
+
+
+MEASURED_S, MEASURED_STEPS = 10.0, 10  # after which the rate is known
+LARGE_BYTES_A_HOUR = 500_000_000
+GB = 1e9
+
+
+@dataclass(slots=True)
+class WriteRate:
+    """Measures how fast a file grows, and says so once, early, where that is much."""
+
+    path: Path  # as people know it
+    size: Callable[[], int]  # of what is written so far, in bytes
+    smaller: Mapping[str, float]  # by the option that writes less: its share of the bytes
+    listener: Listener
+    _begun: tuple[float, int] | None = None  # when, by our own clock, and with how many bytes
+    _steps: int = 0
+    _is_over: bool = False
+
+    def see(self) -> None:
+        """Note that a step was written."""
+        if self._is_over:
+            return
+        now_s, self._steps = time.monotonic(), self._steps + 1
+        self._begun = self._begun or (now_s, self.size())
+        passed_s = now_s - self._begun[0]
+        if passed_s < MEASURED_S or self._steps < MEASURED_STEPS:
+            return
+        self._is_over = True
+        a_hour = (self.size() - self._begun[1]) / passed_s * 3600
+        if a_hour >= LARGE_BYTES_A_HOUR:
+            less = [f"{option} writes {a_hour * share / GB:.2g}" for option, share in self.smaller.items()]
+            texts = [f"{self.path} grows by about {a_hour / GB:.2g} GB an hour", *less]
+            self.listener.remark("; ".join(texts))
 
 
 class LossCommand:
@@ -65,6 +100,7 @@ class Watch:
 
     listener: Listener
     command: LossCommand | None = None
+    rate: WriteRate | None = None  # of the recording, where one is written
     clock: Callable[[], str] = lambda: time.strftime("%H:%M:%S")
     _before: dict[str, Standing] = field(default_factory=dict)  # what was said last of each run
     _skipped: int = 0  # in all
@@ -78,6 +114,8 @@ class Watch:
             if standing is not None and self._is_new(label, step, standing):
                 self._say_standing(label, step, standing, collector)
         self._see_skips(next(iter(steps.values())))
+        if self.rate is not None:
+            self.rate.see()
 
     def _is_new(self, label: str, step: int, standing: Standing) -> bool:
         before = self._before.get(label)
@@ -119,45 +157,12 @@ class Watch:
             self._skips_at = None
 
 
-MEASURED_S, MEASURED_STEPS = 10.0, 10  # after which the rate is known
-LARGE_BYTES_A_HOUR = 500_000_000
-GB = 1e9
-
-
-@dataclass(slots=True)
-class WriteRate:
-    """Measures how fast a file grows, and says so once, early, where that is much."""
-
-    path: Path  # as people know it
-    size: Callable[[], int]  # of what is written so far, in bytes
-    smaller: Mapping[str, float]  # by the option that writes less: its share of the bytes
-    listener: Listener
-    _begun: tuple[float, int] | None = None  # when, by our own clock, and with how many bytes
-    _steps: int = 0
-    _is_over: bool = False
-
-    def see(self) -> None:
-        """Note that a step was written."""
-        if self._is_over:
-            return
-        now_s, self._steps = time.monotonic(), self._steps + 1
-        self._begun = self._begun or (now_s, self.size())
-        passed_s = now_s - self._begun[0]
-        if passed_s < MEASURED_S or self._steps < MEASURED_STEPS:
-            return
-        self._is_over = True
-        a_hour = (self.size() - self._begun[1]) / passed_s * 3600
-        if a_hour >= LARGE_BYTES_A_HOUR:
-            less = [f"{option} writes {a_hour * share / GB:.2g}" for option, share in self.smaller.items()]
-            texts = [f"{self.path} grows by about {a_hour / GB:.2g} GB an hour", *less]
-            self.listener.remark("; ".join(texts))
-
-
-def write_rate(runs: Sequence[RunView], detail: Detail, path: Path, listener: Listener) -> WriteRate:
+def write_rate(runs: Sequence[RunView], output: OutputOptions, listener: Listener) -> WriteRate:
     """Return what measures how fast a live recording grows, and knows what grows less."""
     from ..viewer.sinks import part_of
     from .observer import expected_bytes
 
+    path, detail = path_of(output), Detail(output.detail)
     light, full = (
         sum(expected_bytes(each, 1000, run.particles, len(run.channels)) for run in runs)
         for each in (Detail.LIGHT, detail)

@@ -273,8 +273,7 @@ Patience = Annotated[
     float | None,
     option(
         "--patience",
-        "For a live source: end after it was disconnected, or silent, for this long. "
-        "[default: 30 disconnected; silent forever]",
+        "For a live source: end after so long away or silent. [default: 30 away, but a file; silent forever]",
         LIVE,
         hidden=True,  # of `replay`, which has enough options; `record` shows its own
         min=0.0,
