@@ -144,7 +144,7 @@ class Failure:
 # Incidents: what befell the robot or its camera during a drive.
 
 SLIP_SHARE = 0.5  # of the longer distance that truth and odometry must differ by
-DARKER_SHARE = 2 / 3  # of the gray level of the darkest picture before
+DARKER_SHARE = 2 / 3  # of the gray level of the darkest picture before, and of the darkest reference
 DARK_UPDATES = 3  # in a row, unless the log tells of another light
 SEEN_PICTURES = 5  # that must have been seen before one is dark
 DEEP_CELLS = 1.0  # of the map's raster: nearer to its outline a pose may be off, or a cell too large
@@ -180,11 +180,14 @@ class IncidentFinder:
 
     incidents: tuple[Incident, ...] = ()
     too_long: str = SLIPPED  # what a movement is called that odometry says is much longer than it was
+    levels: F64 | None = None  # (L, 3) of the references; None: not known how dark a view may be
     _truth: F64 | None = None  # of the update before
     _gray: list[float] = field(default_factory=list)  # of the last pictures before it got dark
     _scatter: list[float] = field(default_factory=list)  # of the references' likelihoods, of the same
     _least: float = np.inf  # gray level of the darkest of all these
     _seen: int = 0
+    _sum: float = 0.0  # of their gray levels
+    _told: bool = False  # whether the log tells of the light that is dark now
     _dark: list[tuple[int, float, float]] = field(default_factory=list)  # step, gray and scatter since then
 
     def see(self, moment: Moment, record: StepRecord) -> None:
@@ -227,14 +230,16 @@ class IncidentFinder:
             self._add(Incident(self.too_long, step, step, driven_m, moved_m))
 
     def _look(self, step: int, record: StepRecord, log_tells: bool) -> None:
-        """Look whether the picture is darker than all before; not where none was compared."""
+        """Look whether the picture is darker than the place can be; not where none was compared."""
         likelihood = record.sighting.comparison.log_likelihood
         if not len(likelihood) or record.frame.image is NO_PICTURE:
             return
         gray = mean_level(record.frame.image)
         scatter = float(np.std(likelihood))
-        if self._seen < SEEN_PICTURES or gray >= DARKER_SHARE * self._least:
+        self._told = log_tells or (self._told and bool(self._dark))
+        if not self._is_dark(gray):
             self._seen, self._least, self._dark = self._seen + 1, min(self._least, gray), []
+            self._sum += gray
             self._gray = [*self._gray, gray][-SEEN_PICTURES:]
             self._scatter = [*self._scatter, scatter][-SEEN_PICTURES:]
             return
@@ -250,6 +255,21 @@ class IncidentFinder:
         else:
             pairs = zip(self.incidents, same, strict=True)
             self.incidents = tuple(dark if is_same else incident for incident, is_same in pairs)
+
+    def _is_dark(self, gray: float) -> bool:
+        """Return whether a picture is dark: darker than all before, and than any view of the library.
+
+        A view that is darker by itself is in the library as well. Where the whole drive is darker than the
+        library, its views may be so, too. Where no library tells, a dark picture is nearly black.
+        """
+        if self._seen < SEEN_PICTURES or gray >= DARKER_SHARE * self._least:
+            return False
+        usual = self._sum / self._seen
+        if self._told or self.levels is None:
+            return self._told or gray <= TOO_DARK * usual
+        views = self.levels.mean(axis=1)
+        dimmer = min(1.0, usual / max(float(np.median(views)), 1e-9))
+        return gray < DARKER_SHARE * dimmer * float(views.min())
 
 
 def driven(motions: F64) -> float:

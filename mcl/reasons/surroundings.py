@@ -19,7 +19,7 @@ from ..sensor.descriptors.chromaticity import BLACK
 from ..sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
 from ..sensor.distances import contributions
 from ..sensor.model import SensorModel
-from ..values import F32, F64, U8, Bool, Comparison, Frame, distinct_places, spacing, wrap
+from ..values import F32, F64, U8, Bool, Comparison, Frame, Library, distinct_places, spacing, wrap
 
 SAME_WAY_RAD = float(np.radians(46))  # a reference turned further shows another view
 HISTOGRAMS = ("color", "smoothed", "blurred")  # channels that hold the camera's histogram
@@ -194,13 +194,7 @@ class Surroundings:
     @cached_property
     def levels(self) -> F64 | None:
         """The mean level (L, 3) of red, green and blue in each reference; None where it is not measured."""
-        index = self.sensor.library.index
-        color = next((index[name] for name in HISTOGRAMS if name in index), None)
-        if color is None:
-            return None
-        shares = color.references.reshape(len(color.references), 3, -1).astype(np.float64)
-        centers = np.linspace(16, 240, shares.shape[2], endpoint=False) + 112 / shares.shape[2]
-        return np.asarray((shares * centers).sum(axis=2) / np.maximum(shares.sum(axis=2), 1e-9))
+        return levels_of(self.sensor.library)
 
     def expected_levels(self, pose: F64) -> F64 | None:
         """Return the mean levels (3,) that a picture from a pose (3,) should have; None where not known."""
@@ -256,6 +250,16 @@ class LightFit:
     cost: float  # nats of the true place, as `PlaceFit.cost`, of the corrected picture
     behind: float  # and as `PlaceFit.behind`
     colors: float = 1.0  # share of `ratio` by which the least changed of red, green and blue changed
+
+
+def levels_of(library: Library) -> F64 | None:
+    """Return the mean level (L, 3) of red, green and blue in each reference; None where not measured."""
+    color = next((library.index[name] for name in HISTOGRAMS if name in library.index), None)
+    if color is None:
+        return None
+    shares = color.references.reshape(len(color.references), 3, -1).astype(np.float64)
+    centers = np.linspace(16, 240, shares.shape[2], endpoint=False) + 112 / shares.shape[2]
+    return np.asarray((shares * centers).sum(axis=2) / np.maximum(shares.sum(axis=2), 1e-9))
 
 
 def mean_level(image: U8) -> float:

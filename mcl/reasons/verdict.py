@@ -26,6 +26,7 @@ from .causes import (
     BEFALLING,
     CARRIED,
     OVERSTATED,
+    SLIPPED,
     Failure,
     Incident,
     IncidentFinder,
@@ -33,6 +34,7 @@ from .causes import (
     ObstacleFinder,
 )
 from .diagnosis import DiagnosisBuilder
+from .surroundings import levels_of
 
 KEPT_SHARE = 0.5  # of the updates since it was localized: below that a run did not stay so
 DUE_STEPS = 10  # after an incident, in which a loss is due to it
@@ -307,8 +309,9 @@ class VerdictBuilder:
     def __post_init__(self, localizer: Localizer | None, occupancy: OccupancyMap | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
         self._obstacles = ObstacleFinder(localizer)
-        if localizer is not None and isinstance(localizer.motion, PictureMotion):
-            self._incidents = IncidentFinder(too_long=OVERSTATED)
+        if localizer is not None:
+            too_long = OVERSTATED if isinstance(localizer.motion, PictureMotion) else SLIPPED
+            self._incidents = IncidentFinder((), too_long, levels_of(localizer.library))
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""

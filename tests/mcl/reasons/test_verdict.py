@@ -8,7 +8,7 @@ import pytest
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
 from maurice_mcl.filter.localizer import LEFT_MAP
-from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, PROPOSAL, SLIPPED
+from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, PROPOSAL, SLIPPED, IncidentFinder
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.values.map import Region
 
@@ -122,6 +122,29 @@ def test_it_is_dark_after_three_pictures_that_are_darker_than_all_before():
     assert drive(calm, [100] * 6 + [20, 20, 100, 100]).incidents == ()
     (cause,) = drive(calm, [100] * 6 + [20] * 4).incidents
     assert (cause.kind, cause.step, cause.last, cause.expected, cause.actual) == (DARK, 7, 10, 100, 20)
+
+
+@pytest.mark.parametrize(
+    ("darkest", "usual", "levels", "dark"),
+    [
+        (40, 100, [100] * 6 + [60] * 9, None),  # a view that is darker, as some of the library are
+        (40, 100, [100] * 6 + [20] * 4, (7, 10)),
+        (80, 100, [50] * 6 + [30] * 9, None),  # the same in a drive that is darker as a whole
+        (80, 100, [50] * 6 + [20] * 4, (7, 10)),
+        (None, None, [100] * 6 + [60] * 9, None),  # no library tells how dark a view may be
+        (None, None, [100] * 6 + [20] * 4, (7, 10)),
+    ],
+)
+def test_a_darker_view_is_no_darkness(darkest, usual, levels, dark):
+    known = None if darkest is None else np.repeat([[darkest], [usual], [usual]], 3, axis=1).astype(float)
+    finder = IncidentFinder(levels=known)
+    for step, level in enumerate(levels, start=1):
+        record = made(HERE, step=step, references=3)
+        frame = replace(record.frame, image=np.full((4, 6, 3), level, np.uint8))
+        record = replace(record, frame=frame)
+        finder.see(moment(record, NEAR), record)
+    found = [(incident.step, incident.last) for incident in finder.incidents if incident.kind == DARK]
+    assert found == ([] if dark is None else [dark])
 
 
 def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
