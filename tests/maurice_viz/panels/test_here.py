@@ -17,11 +17,13 @@ from helpers import viz_recordings as recordings
 from maurice_datasets.demos import kidnapping_paths
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.drawing.contact_sheet import cell_height, no_picture, reference_jpeg
-from maurice_viz.entities import TOUR, RunPaths
+from maurice_viz.entities import LIMITS, TOUR, Phase, RunPaths, phase_number
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.camera import LETTERS, NO_LIBRARY, HerePanel, name_of
 from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.panels.registry import panels_of
 from maurice_viz.running.saved import Opened, open_saved
+from maurice_viz.scene import RunView
 
 LABELS = ("thesis", "robust")
 
@@ -165,3 +167,19 @@ def test_a_run_without_pictures_has_no_such_panel(tmp_path):
     assert not any(isinstance(panel, HerePanel) for panel in panels_of(run, scene))
     with_pictures = recordings.scene_with(session.library)
     assert any(isinstance(panel, HerePanel) for panel in panels_of(run, with_pictures))
+
+
+def test_the_plot_of_errors_begins_where_the_lanes_do_on_every_timeline(tmp_path):
+    """The viewer's plot begins with its first value; in the last phase its cursor stood 9 pixels off."""
+    library = fakes.make_library(tmp_path)
+    for has_truth in (True, False):
+        path = tmp_path / f"{has_truth}.rrd"
+        recordings.draw(path, fakes.make_session(library, 3, has_truth=has_truth), ["color"])
+        first = recordings.rows(path, LIMITS)[0]
+        assert (first.step, first.phase) == (1, phase_number(1, Phase.PREDICT))
+
+
+def test_no_moment_is_shaded_in_the_time_panel():
+    """A blueprint has one time selection for all timelines: step 41 would be step 7 on `phase`."""
+    shown = runs_blueprint([RunView("a", ("color",))], recordings.scene_of(fakes.arena(2, 2)))
+    assert shown.time_panel.time_selection is None
