@@ -174,7 +174,7 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> Outcome:
         failure = verdict.failures[0]
         why = say_rival(failure, scale) if failure.kind == UNKNOWN else failure.title
         why = f": {why}" if why else ""
-        return Outcome("{was} probably lost", str(failure.episode.first), "from step ", why)
+        return Outcome("{was} probably lost", str(failure.episode.first), "from step ", alone=why)
     share = f"{verdict.converged_share:.0%}"
     if verdict.converged_share < MOSTLY:
         return Outcome("did not keep the dots together", share, "together at ", " of the steps")

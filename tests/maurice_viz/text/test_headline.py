@@ -109,6 +109,8 @@ def test_without_truth_the_run_that_fits_elsewhere_is_the_evidence_and_the_step_
     expect = "`thesis` was probably lost (from step 9: `robust` fits these pictures 78.7 in away)."
     assert headline(runs, INCHES).startswith(expect)
     assert decisive_step(runs) == 7
+    runs["robust"] = replace(verdict, updates=90)  # which has another reason, or none
+    assert headline(runs, INCHES).startswith("`thesis` and `robust` were probably lost (from step 9).")
 
 
 def test_a_lost_run_is_looked_at_before_the_worst_step_of_one_that_was_not():
