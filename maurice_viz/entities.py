@@ -174,9 +174,11 @@ class RunPaths:
 # Entity paths of what the runs of a comparison share; a run's own stand in `maurice_viz.entities`.
 
 COMPARE = "/compare"
-TEXT = "/compare/text"  # who is closer at this step, and why: one TextDocument
+TEXT = "/compare/text"  # which run is closer at this step, or what a phase did to each: one TextDocument
+WHY = "/compare/why"  # how that came about: one TextDocument
 RESULT = "/compare/result"  # how they compare over the drive: one TextDocument, static
-COMPARE_CLOSEUP = "/compare/closeup"  # the frame that holds all clouds: Transform3D
+COMPARE_UNIT = "/compare/error-unit"  # TextDocument: what is plotted there, and its unit
+MATCHES = "/compare/matches"  # what the small map shows: Points2D
 
 
 def _of(label: str, *parts: str) -> str:
@@ -188,9 +190,19 @@ def cloud_of(label: str) -> str:
     return _of(label, "cloud")
 
 
+def frame_of(label: str) -> str:
+    """The frame of a run's close-ups: Transform3D; below it scale bar and captions."""
+    return _of(label, "closeup")
+
+
 def gap_of(label: str) -> str:
     """From a run's estimate to the truth: LineStrips2D."""
     return _of(label, "gap")
+
+
+def taken_of(label: str) -> str:
+    """Where a run's best match was taken: Points2D and Arrows2D."""
+    return _of(label, "match")
 
 
 def bars_of(label: str, *parts: str) -> str:

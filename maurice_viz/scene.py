@@ -54,6 +54,7 @@ class Scene:
     live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
     # the largest position error of all runs, without truth the largest spread; None: not known before the end
     most_m: float | None = None
+    most_not_lost_m: float = 0.0  # the largest of errors that do not count as lost; 0: none, or not known
     opens: str = ""  # the file or the folder that `maurice-replay open` shows again; none: it is not kept
 
     @property

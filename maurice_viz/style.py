@@ -290,6 +290,14 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def shortened(text: str, room: int) -> str:
+    """Return a text of at most so many letters; the middle is left out, as names often end differently."""
+    if len(text) <= room:
+        return text
+    last = (room - 1) // 2
+    return f"{text[: room - 1 - last]}\N{HORIZONTAL ELLIPSIS}{text[len(text) - last :]}"
+
+
 def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():

@@ -8,7 +8,7 @@ contact_sheet  pictures and captions of references, such as the five best; cards
 arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 indexed        small drawings of palette colors, for what is drawn at every step
 heat           heat maps of two-dimensional histograms
-histogram_row  histograms of a picture and of a reference, all channels of a run in one row
+histogram_row  histograms of a picture and of a reference, all channels of a run in a grid
 scan           a laser's scan from above, by itself and on the map
 reference_chart  what a reference loses, by channel and element
 """

@@ -11,6 +11,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from ..drawing.canvas import map_extent
+from ..entities import COMPARE_UNIT, ERROR_UNIT
 from ..panels import traces as lines
 from ..panels.camera import picture_here_view, seen_views
 from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
@@ -67,11 +68,17 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     return untitled(screen)
 
 
-def errors_row(runs: Sequence[RunView], scene: Scene, height_px: float) -> rrb.Horizontal:
-    """Lay out the plot of errors below lanes, with its unit: it begins where they do."""
-    axis = _axis_px(error_axis(runs, scene, height_px)) / BETWEEN_PX
+def errors_row(
+    runs: Sequence[RunView], scene: Scene, height_px: float, fitted: bool = False
+) -> rrb.Horizontal:
+    """Lay out the plot of errors below lanes, with its unit: it begins where they do.
+
+    `fitted` to errors that do not count as lost.
+    """
+    axis = _axis_px(error_axis(runs, scene, height_px, fitted)) / BETWEEN_PX
     shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]
-    return rrb.Horizontal(error_unit_view(), errors_plot(runs, scene, height_px), column_shares=shares)
+    unit = error_unit_view(COMPARE_UNIT if fitted else ERROR_UNIT)
+    return rrb.Horizontal(unit, errors_plot(runs, scene, height_px, fitted), column_shares=shares)
 
 
 def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:

@@ -19,6 +19,6 @@ explanation  why the best reference wins, at every update
 story        the verdict, and the errors with their limits
 sensors      what pose sensors show
 laser/       a laser's scan by itself and on the map, and why a pose fits it
-comparison   what several runs share
+comparison/  what several runs share
 drive        a drive by itself, without a filter
 """

@@ -277,8 +277,9 @@ class CloseupPanel(Panel):
 class CloseupFrame:
     """The frame of a close-up: 2 wide and 2 high, moved to what is to be seen."""
 
-    def __init__(self, path: str, scene: Scene) -> None:
-        self._path, self._scale = path, scene.scale
+    def __init__(self, path: str, scene: Scene, label_above: float = 0.18) -> None:
+        """Take the path, and how far above the bar its length stands: in small views far."""
+        self._path, self._scale, self._label_above = path, scene.scale, label_above
         self._long = long_side(scene.arena, scene.scale)
         self._half = 0.0  # of its side, in display units
         self._at = np.zeros(2, np.float32)  # its middle, as drawn
@@ -324,7 +325,7 @@ class CloseupFrame:
             [end, BAR_BOTTOM - 0.02],
         ]
         rec.log(f"{self._path}/bar", row_of(rr.LineStrips2D, strips=strips_of([np.array(bar, np.float32)])))
-        at = points_of([max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.18])
+        at = points_of([max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - self._label_above])
         label = text_of(f"{length:g} {unit}")
         rec.log(f"{self._path}/length", row_of(rr.Points2D, positions=at, labels=label))
 

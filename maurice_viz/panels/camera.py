@@ -25,7 +25,7 @@ from ..entities import Phase
 from ..scene import RunView, Scene
 from ..style import GROUND, MISSING, PALE, RGB, TRUTH, Order, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
-from .views import picture_view
+from .views import Overrides, picture_view
 
 NAME, SEES = "name", "the robot sees"
 CAMERA_QUALITY = (
@@ -71,9 +71,12 @@ def draw_name(
     rec.log(f"{path}/{NAME}", name, static=True)
 
 
-def named_view(name: str, path: str) -> rrb.Spatial2DView:
+def named_view(name: str, path: str, overrides: Overrides | None = None) -> rrb.Spatial2DView:
     """Show one picture with its name above it, as large as there is room."""
-    return rrb.Spatial2DView(name=name, origin=path, contents=[path, f"{path}/{NAME}"], background=GROUND)
+    contents = [path, f"{path}/{NAME}"]
+    return rrb.Spatial2DView(
+        name=name, origin=path, contents=contents, background=GROUND, overrides=overrides
+    )
 
 
 def prepare_jpeg(rec: rr.RecordingStream, path: str) -> None:

@@ -36,6 +36,7 @@ EVERY = 5  # updates between two verdicts on a live drive
 UNSEEN = (0, 0, 0, 0)  # of a line that only keeps the axis of a live drive above the limit
 FAINT = 0.8  # width of lines that are beside the point
 ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
+BELOW_TOP = 1.08  # times the last label: nearer to the top it would be cut
 LABELS_PX = 25  # between two labels of an axis, at least: nearer ones are faint, and below 21 there are none
 BELOW_AXIS_PX = 16  # of a plot, for the labels of its steps
 DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole cloud, in points of the screen
@@ -154,9 +155,9 @@ def tour_view() -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name="Tour: where to look", origin=TOUR)
 
 
-def error_unit_view() -> rrb.TextDocumentView:
+def error_unit_view(path: str = ERROR_UNIT) -> rrb.TextDocumentView:
     """Show what the plot beside it is of."""
-    return rrb.TextDocumentView(name="Unit", origin=ERROR_UNIT)
+    return rrb.TextDocumentView(name="Unit", origin=path)
 
 
 def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
@@ -186,8 +187,12 @@ class ErrorAxis:
     last_label: float
 
 
-def error_axis(runs: Sequence[RunView], scene: Scene, height_px: float) -> ErrorAxis | None:
+def error_axis(
+    runs: Sequence[RunView], scene: Scene, height_px: float, fitted: bool = False
+) -> ErrorAxis | None:
     """Return the axis that has room for the largest value; None where that is not known yet.
+
+    `fitted`: for the largest that does not count as lost; a lost run leaves the plot at the top.
 
     The viewer labels steps of a power of ten, where they are far enough apart. An axis that ended below the
     first of them would have no label but zero, so it ends above it.
@@ -195,20 +200,28 @@ def error_axis(runs: Sequence[RunView], scene: Scene, height_px: float) -> Error
     if scene.most_m is None:
         return None
     lost_m = runs[0].radii.lost_m if scene.has_truth else 0.0
-    most = ABOVE * scene.scale.length(max(scene.most_m, lost_m)) or 1.0
+    most_m = max(scene.most_m, lost_m)
+    most = ABOVE * scene.scale.length((fitted and scene.most_not_lost_m) or most_m) or 1.0
     step = float(10.0 ** np.ceil(np.log10(most * LABELS_PX / (height_px - BELOW_AXIS_PX))))
     top = max(most, ABOVE * step)
-    return ErrorAxis(top, step * float(np.floor(top / step)))
+    last = step * float(np.floor(top / step))
+    return ErrorAxis(max(top, BELOW_TOP * last), last)
 
 
-def errors_plot(runs: Sequence[RunView], scene: Scene, height_px: float) -> rrb.TimeSeriesView:
-    """Plot the position error of all runs, and where they count as lost; without truth the spread."""
-    axis, quantity = error_axis(runs, scene, height_px), POSITION_ERROR if scene.has_truth else SPREAD
+def errors_plot(
+    runs: Sequence[RunView], scene: Scene, height_px: float, fitted: bool = False
+) -> rrb.TimeSeriesView:
+    """Plot the position error of all runs, and where they count as lost; without truth the spread.
+
+    `fitted` to errors that do not count as lost.
+    """
+    axis = error_axis(runs, scene, height_px, fitted)
+    quantity = POSITION_ERROR if scene.has_truth else SPREAD
     contents = [run.paths.trace(quantity) for run in runs]
     return rrb.TimeSeriesView(
         name="Position error" if scene.has_truth else "Spread of the cloud",
         origin="/",
-        contents=[*contents, LIMITS],
+        contents=[*contents, *([] if fitted and axis is None else [LIMITS])],
         axis_y=None if axis is None else rrb.ScalarAxis(range=(0.0, axis.top)),
         plot_legend=rrb.PlotLegend(visible=False),
         background=rrb.archetypes.PlotBackground(show_grid=False),

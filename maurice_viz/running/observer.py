@@ -15,7 +15,7 @@ from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.values import F64, Moment, StepRecord
 
 from ..entities import Phase
-from ..panels.comparison import ComparisonDrawing
+from ..panels.comparison.drawing import ComparisonDrawing
 from ..panels.events import LanesDrawing
 from ..panels.panel import StepUpdate, set_phase
 from ..panels.registry import panels_of
@@ -130,13 +130,13 @@ class SceneObserver:
         scene: Scene,
         detail: Detail = Detail.FULL,
     ) -> None:
-        self._rec, self._live = rec, scene.live
+        self._rec, self._scene = rec, scene
         self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
-        self._has_truth = scene.has_truth
         self._comparison: ComparisonDrawing | None = None
         if len(runs) > 1:
-            self._comparison = ComparisonDrawing(rec, runs, scene)
+            self._comparison = ComparisonDrawing(rec, runs, scene, light=detail is Detail.LIGHT)
         self.most_m = 0.0  # the largest position error so far; without truth the largest spread
+        self.most_not_lost_m = 0.0  # the largest of errors that do not count as lost
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
     def see(
@@ -148,18 +148,25 @@ class SceneObserver:
         """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
         for moment, record in steps.values():
             if moment.truth is not None:
-                self._see_length(record.estimate.pose[:2] - moment.truth[:2])
-            elif not self._has_truth:
+                self._see_length(record.estimate.pose[:2] - moment.truth[:2], record.estimate.radii.lost_m)
+            elif not self._scene.has_truth:
                 self._see_length(record.mean_estimate.sd_m)
         self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps)
         self._verdict.see(steps, verdicts)
-        if self._live:
+        if self._scene.live:
             self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
 
-    def _see_length(self, offset_m: F64 | tuple[float, float]) -> None:
-        self.most_m = max(self.most_m, float(np.hypot(*offset_m)))
+    def _see_length(self, offset_m: F64 | tuple[float, float], lost_m: float = np.inf) -> None:
+        length_m = float(np.hypot(*offset_m))
+        self.most_m = max(self.most_m, length_m)
+        if length_m <= lost_m:
+            self.most_not_lost_m = max(self.most_not_lost_m, length_m)
+
+    def ended(self) -> Scene:
+        """Return the scene with what is known of errors only in the end."""
+        return replace(self._scene, most_m=self.most_m, most_not_lost_m=self.most_not_lost_m)
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log what is known only in the end, by the results so far; none: there was no update."""

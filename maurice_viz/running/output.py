@@ -195,7 +195,7 @@ def drawing(
         drawn.observer = SceneObserver(rec, runs, scene, detail)
         yield drawn
         if drawn.step is not None:  # the layout of runs that are over
-            ended = replace(scene, most_m=drawn.observer.most_m)
+            ended = drawn.observer.ended()
             rec.send_blueprint(layout_of(runs, ended, output.layout, light=detail is Detail.LIGHT))
 
 

@@ -6,7 +6,8 @@ phases             what each step did; and one phase of it, in two sentences
 verdict            what happened to one run, or to several, with all numbers
 tour               the first screen: the same in two lines, and where to look, moment by moment
 lesson             what a step teaches: does its picture know the place, and are dots there
-comparison         who is closer at a step and why, and over the drive; what a branch or a remedy changed
+comparison         who is closer over the drive; what a branch or a remedy changed
+side_by_side       which of several runs is closer at a step, what each phase did to each cloud, and why
 causes             causes of failures and incidents as clauses, and the evidence that decided
 laser              what a scan says of a pose, and why a robot with a laser was lost
 explanation        why the best reference wins, in sentences

@@ -9,14 +9,10 @@ import numpy as np
 
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
 from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.scoring.modes import gains_by_channel, picture_gain
-from maurice_mcl.sensor.laser.sensor import LASER
-from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values import Moment, Radii, StepRecord
+from maurice_mcl.values import Radii
 
 from ..playback import RunResult
 from ..style import Scale, units_named
-from .phases import spread
 
 if TYPE_CHECKING:
     from maurice_datasets.trials.budget import ErrorBudget
@@ -24,7 +20,6 @@ if TYPE_CHECKING:
 
 NOT_YET = "How the runs compare over the drive is told when they have ended."
 LEAST_CLOSER = 1 / 18  # of the radius `right`: a smaller difference is none
-NEAR_SHARES = (1 / 3, 1.0)  # of the radius `confidence`: near the truth, and if no dot is there
 
 
 def least_closer_m(radii: Radii) -> float:
@@ -50,94 +45,6 @@ def closest(steps: Mapping[str, Step], radii: Radii) -> str | None:
     return off[0][0]
 
 
-def step_words(
-    steps: Mapping[str, Step], scale: Scale, radii: Radii, sensors: Mapping[str, SensorModel | None]
-) -> str:
-    """Return who is closer to the truth at a step, and what the picture did to the particles near it.
-
-    Of two runs, and of more the closest one, also what each channel did, by the sensors that are known.
-    """
-    moment, _ = next(iter(steps.values()))
-    return " ".join([f"Step {moment.frame.step}:", _who(steps, scale, radii), *_why(steps, scale, sensors)])
-
-
-def unweighed_words(step: int) -> str:
-    """Return what is known of a step before its picture weighs the clouds."""
-    return f"Step {step}: the dots have moved by odometry; what the robot sees has not weighed them yet."
-
-
-def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
-    off = errors_m(steps)
-    if len(off) < 2:
-        places = np.array([record.estimate.pose[:2] for _, record in steps.values()])
-        apart = float(np.hypot(*(places - places[0]).T).max())
-        wide = [
-            f"{spread(record.mean_estimate, scale)} with `{label}`" for label, (_, record) in steps.items()
-        ]
-        return (
-            f"the estimates are {'at most ' if len(steps) > 2 else ''}{scale.say(apart)} apart; the clouds "
-            f"spread over {', '.join(wide)}. Who is closer is not known without truth."
-        )
-    first, second, *_ = off
-    if closest(steps, radii) is None:
-        both = f"{scale.say(off[first])} and {scale.say(off[second])} off"
-        return f"`{first}` and `{second}` are about equally close: {both}."
-    return f"`{first}` is **{scale.say(off[second] - off[first])} closer** than `{second}`."
-
-
-def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorModel | None]) -> list[str]:
-    """Say what picture or scan did near the truth, within the smallest radius that holds dots of some run.
-
-    Nothing of recorded localizers: what weighed their dots is not known.
-    """
-    if all(record.predicted is record.weighted for _, record in steps.values()):
-        return []
-    read = {part.name for _, record in steps.values() for part in record.sighting.comparison.sensed}
-    compared = any(record.sighting.comparison.channels for _, record in steps.values())
-    what = "scan" if LASER in read and not compared else "picture"
-    told = list(errors_m(steps))[: 2 if len(steps) == 2 else 1]
-    for share in NEAR_SHARES:
-        gains: dict[str, float | None] = {}
-        for label, (moment, record) in steps.items():
-            if moment.truth is None:
-                return []
-            radius_m = share * record.estimate.radii.confidence_m
-            gains[label] = picture_gain(record, moment.truth, radius_m)
-        known = {label: gain for label, gain in gains.items() if gain is not None}
-        if known:
-            made = [
-                f"**{gain:.1f} x**{' as heavy' if k == 0 else ''} with `{label}`"
-                f"{_by_channel(*steps[label], radius_m, sensors.get(label)) if label in told else ''}"
-                for k, (label, gain) in enumerate(known.items())
-            ]
-            none = [f"`{label}`" for label, gain in gains.items() if gain is None]
-            rest = [f"{' and '.join(none)}: hardly a dot there."] if none else []
-            return [
-                f"The {what} made dots within {scale.say(radius_m)} of the truth {', '.join(made)}.",
-                *rest,
-            ]
-    return ["No run has dots near the truth."]
-
-
-def _by_channel(moment: Moment, record: StepRecord, radius_m: float, sensor: SensorModel | None) -> str:
-    """Say what the channels of a run would have done alone: of many those that do most and least."""
-    if moment.truth is None or sensor is None or len(record.sighting.comparison.channels) < 2:
-        return ""
-    gains = gains_by_channel(sensor, record, moment.truth, radius_m)
-    order = sorted(gains, key=lambda channel: -gains[channel])
-    if len(order) < 2:
-        return ""
-    word = "and" if len(order) == 2 else "to"
-    most, least = (f"{channel} {gains[channel]:.1f} x" for channel in (order[0], order[-1]))
-    return f" (alone: {most} {word} {least})"
-
-
-def key_words(scale: Scale, radii: Radii, has_truth: bool = True) -> str:
-    """Explain the marks of the screen, below the words on the drive."""
-    lane = f" Lane: who is closer, by {scale.say(least_closer_m(radii))} or more." if has_truth else ""
-    return f"Dots: some of each cloud, most of it in the oval.{lane}"
-
-
 def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
     """Return how each run compares with the first over the drive, with its interval."""
     lines = []
@@ -153,7 +60,7 @@ def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
             lines.append(f"`{result.label}` is {apart} from it.{parted}")
     if not lines:
         return NOT_YET
-    return "\n".join([f"Over the drive, against `{results[0].label}`:\n", *(f"* {line}" for line in lines)])
+    return " ".join([f"Over the drive, against `{results[0].label}`:", *lines])
 
 
 def not_averaged(*results: RunResult) -> str:

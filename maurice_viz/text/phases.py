@@ -6,6 +6,7 @@ In the words on phases, the headlines of inside-a-step, a particle is a "dot", a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -180,6 +181,11 @@ def predicted(record: StepRecord, scale: Scale) -> str:
     )
 
 
+def listed(parts: Sequence[str]) -> str:
+    """Write "a, b and c"."""
+    return " and ".join(part for part in (", ".join(parts[:-1]), parts[-1]) if part)
+
+
 def measured(moment: Moment, record: StepRecord, scale: Scale, taken_at: F64 | None = None) -> str:
     """Describe what the picture was compared with, and how far from the truth the best match was taken."""
     seen = record.sighting.comparison
@@ -188,8 +194,7 @@ def measured(moment: Moment, record: StepRecord, scale: Scale, taken_at: F64 | N
         return NOT_COMPARED
     count = len(seen.quality)
     many = f" with {count:,} references" if count else ""
-    channels = " and ".join(part for part in (", ".join(by[:-1]), by[-1]) if part)
-    text = f"the {'picture' if seen.channels else 'frame'} is compared{many} by {channels}."
+    text = f"the {'picture' if seen.channels else 'frame'} is compared{many} by {listed(by)}."
     if moment.truth is None or taken_at is None:
         return f"{text} No dot moves."
     away = scale.say(float(np.hypot(*(taken_at - moment.truth)[:2])))
@@ -203,12 +208,16 @@ def weighted(record: StepRecord) -> str:
             return text
     size, weights = record.weighted.size, record.weighted.weights
     times = weights * size
-    half = int((np.cumsum(np.sort(weights)[::-1]) < HALF).sum()) + 1
     return (
-        f"{half:,} of {size:,} dots now hold half of the weight; "
+        f"{heaviest_half(weights):,} of {size:,} dots now hold half of the weight; "
         f"{int((times < LIGHT).sum()):,} weigh less than half the average. The heaviest weighs "
         f"{times.max():.1f} times the average; the cloud is worth {_worth(record)} equal dots."
     )
+
+
+def heaviest_half(weights: F64) -> int:
+    """Return how many of the heaviest particles hold half of all weight (N,)."""
+    return int((np.cumsum(np.sort(weights)[::-1]) < HALF).sum()) + 1
 
 
 def _worth(record: StepRecord) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..filter.estimate import TIE, Modes, first_heaviest, modes
-from ..sensor.model import SensorModel
-from ..values import F32, F64, I32, Belief, Bool, Estimate, StepRecord, normalize
+from ..values import F32, F64, I32, Belief, Bool, Estimate, StepRecord
 from .metrics import LOST_RAD
 
 # Around the truth: that share of the weight changes three times, by the motion, the picture, and resampling.
@@ -54,22 +53,6 @@ def picture_gain(record: StepRecord, truth: F64, radius_m: float) -> float | Non
     if np.count_nonzero(near) < LEAST_NEAR or before <= 0:
         return None
     return float(record.weighted.weights[near].sum()) / before
-
-
-def gains_by_channel(
-    sensor: SensorModel, record: StepRecord, truth: F64, radius_m: float
-) -> dict[str, float]:
-    """Return the same for each channel, as if it alone had weighed the particles; {} for too few of them."""
-    seen, predicted, gains = record.sighting.comparison, record.predicted, dict[str, float]()
-    for channel in seen.channels:
-        alone = sensor.only(channel)
-        sighting = alone.at(alone.compare(seen.descriptors), predicted.poses)
-        log_weights, total = normalize(predicted.log_weights + sighting.log_likelihood)
-        weighted = Belief(predicted.poses, log_weights, predicted.origin)
-        gain = picture_gain(replace(record, weighted=weighted), truth, radius_m)
-        if gain is not None and np.isfinite(total):
-            gains[channel] = gain
-    return gains
 
 
 def around(belief: Belief, pose: F64, radius_m: float) -> tuple[float, Bool]:

@@ -90,12 +90,12 @@ def entities_of(path: Path) -> set[str]:
     return {str(chunk.entity_path) for chunk in RrdReader(path).stream()}
 
 
-def rows(path: Path, entity: str) -> list[Row]:
-    """Return an entity's rows that are not static, in the order of the phase timeline."""
+def rows(path: Path, entity: str, timeline: str = "phase") -> list[Row]:
+    """Return an entity's rows that are on a timeline, in the order of the phase timeline."""
     found = []
     for chunk in RrdReader(path).stream().filter(content=entity):
         batch = chunk.to_record_batch()
-        if "phase" in batch.schema.names:
+        if timeline in batch.schema.names:
             found += [_row(batch, k) for k in range(batch.num_rows)]
     return sorted(found, key=lambda row: row.phase or 0)
 

@@ -16,7 +16,8 @@ from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, story
-from maurice_viz.layouts.compare import COMPARED_ERRORS_PX, compare
+from maurice_viz.layouts.compare import ERRORS_PX as COMPARED_ERRORS_PX
+from maurice_viz.layouts.compare import compare
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.layouts.story import ERRORS_PX
 from maurice_viz.panels.story import error_axis
@@ -106,8 +107,9 @@ def test_recorded_localizers_are_compared_on_one_map():
     compared = runs_blueprint(runs, shown()).root_container.contents[0]
     assert str(compared.name) == "compare"
     found = [str(view.name) for view in views(compared)]
-    assert {"Map", "Clouds", "This step", "Whole drive", "Position error"} <= set(found)
-    assert "Clouds" not in titles(runs_blueprint(runs[:1], shown()))
+    assert {"Where matches were taken", "After", "This step", "Whole drive", "Position error"} <= set(found)
+    assert "Before" not in found  # its phases are not known
+    assert "This step" not in titles(runs_blueprint(runs[:1], shown()))
 
 
 @pytest.mark.parametrize("has_truth", [True, False])

@@ -34,7 +34,7 @@ from maurice_viz.running.recorded import open_recorded, together
 from maurice_viz.running.saved import open_saved
 from maurice_viz.running.verify import verify
 from maurice_viz.style import Scale, units_named
-from maurice_viz.text.comparison import step_words
+from maurice_viz.text.side_by_side import step_words
 
 CAMERA = re.compile(r"\b(camera|picture|image|reference|library|channel)", re.I)
 
@@ -112,7 +112,7 @@ def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
 def test_beside_each_other_nothing_is_said_of_what_weighed_their_particles(bag: Path) -> None:
     both = ReadingOptions(localizer_topic="/amcl_pose,/particle_cloud")
     for steps in together(open_recorded(bag, both)):
-        text = step_words(steps, Scale(units_named("m")), Radii(), {})
+        text = step_words(steps, Scale(units_named("m")), Radii())
         assert "amcl_pose" in text
         assert "dots within" not in text
         assert not CAMERA.search(text)
