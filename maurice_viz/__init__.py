@@ -66,7 +66,6 @@ if TYPE_CHECKING:
     from .app.library import tune as tune
     from .app.library_check import check_library as check_library
     from .app.remedies import remedies as remedies
-    from .app.replay import LiveOptions as LiveOptions
     from .app.replay import replay as replay
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
@@ -77,6 +76,7 @@ if TYPE_CHECKING:
     from .notebook import traces as traces
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
+    from .running.live import LiveOptions as LiveOptions
     from .running.output import OutputOptions as OutputOptions
     from .running.run import RunScores as RunScores
     from .running.verify import verify as verify

@@ -24,7 +24,7 @@ from ..reading.options import MAX_DT_S
 from ..reading.recording import PLACEHOLDER, Picture, Record
 from ..reading.time_alignment import Aligned, Aligner, as_rows
 from ..session_log.header import FORMAT, SESSION_LOG, header_to_json
-from ..session_log.reader import CameraChoice
+from ..session_log.reader import CameraChoice, picture_name
 from ..session_log.records import ascii_line
 from .intake import Counts, Intake
 from .source import Listening, LiveSource, Patience
@@ -316,7 +316,7 @@ class LiveSession(HasReadingNotes):
     def _records(self) -> Iterator[Record | None]:
         """Yield what belongs to the drive; None while nothing comes, so that truth is no longer awaited."""
         choice: CameraChoice | None = None
-        quiet = 0
+        quiet = number = 0
         for received in self._intake:
             if self._info is None and self._intake.info is not None:
                 self._greet(self._intake.info)
@@ -336,7 +336,8 @@ class LiveSession(HasReadingNotes):
             elif not record.covered:
                 choice = choice or self._camera()
                 if choice(record):
-                    yield replace(record, name=self._name(record))
+                    number += 1
+                    yield replace(record, name=self._name(record, number))
 
     def _greet(self, info: SessionInfo) -> None:
         if self._listen.library is not None:
@@ -355,7 +356,10 @@ class LiveSession(HasReadingNotes):
             info = replace(info, start=None, notes=(*info.notes, note))
         self._recorder.begin(info)
 
-    def _name(self, picture: Picture) -> str:
+    def _name(self, picture: Picture, number: int) -> str:
+        """Name a picture as who reads the recording does."""
+        if self._recorder is not None:
+            return picture_name(self._recorder.path, number)
         return picture.path or f"line {picture.line} of {self.source.name}"
 
     def _camera(self) -> CameraChoice:

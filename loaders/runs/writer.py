@@ -57,7 +57,7 @@ class RunWriter:
     def __init__(
         self, folder: Path, manifest: RunManifest, configuration: str, arena: Arena, *, force: bool = False
     ) -> None:
-        self._folder, self._manifest = folder, manifest
+        self.folder, self._manifest = folder, manifest
         self._schema = steps_schema(manifest.channels)
         self._waiting: list[StepRows] = []
         self.written = 0  # steps
@@ -76,14 +76,16 @@ class RunWriter:
         if len(self._waiting) >= PART_STEPS or particles >= PART_PARTICLES:
             self._flush()
 
-    def close(self, state: str) -> None:
-        """Write what is left, and in the manifest how it ended: "complete", "stopped" or "failed"."""
+    def close(self, state: str, manifest: RunManifest | None = None) -> None:
+        """Write what is left, and in the manifest how it ended: "complete", "stopped" or "failed".
+
+        `manifest` takes the place of the one it began with, where more is known at the end.
+        """
         self._flush()
         failures = self.failures or ()
         known = all(failure.episode.last <= self.written for failure in failures)  # else a disk ran full
-        write_manifest(
-            self._folder, ended(self._manifest, state, self.written, self.failures if known else None)
-        )
+        manifest = manifest or self._manifest
+        write_manifest(self.folder, ended(manifest, state, self.written, self.failures if known else None))
 
     def _flush(self) -> None:
         if not self._waiting:
@@ -95,7 +97,7 @@ class RunWriter:
             "steps": pl.DataFrame([row.step for row in rows], schema=self._schema, orient="row"),
         }
         for table in TABLES:
-            part = self._folder / table / part_name(self.written + 1)
+            part = self.folder / table / part_name(self.written + 1)
             put(part, _parquet(frames[table]))
         self.written += len(rows)
 

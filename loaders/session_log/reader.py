@@ -62,8 +62,12 @@ class LogRecording:
                 yield LeftOut(record.t_s, record)
             else:
                 number += 1
-                named = f"{self.path.name}, picture {number}"
-                yield record if record.path else replace(record, name=named)
+                yield record if record.path else replace(record, name=picture_name(self.path, number))
+
+
+def picture_name(log: Path, number: int) -> str:
+    """Name a picture that a log holds inside by its number, from 1, among those that are used."""
+    return f"{log.name}, picture {number}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Comparing two to four runs side by side: of one session, of several sessions, or saved ones."""
+"""Comparing two to four runs side by side: of one session or live source, of several sessions, or saved."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running import open as opening
+from ..running.live import LiveOptions
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.run_spec import RunSpec, settings_with, start_of
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
 from .convert import only_run
-from .replay import replay_session
+from .replay import replay_source
 
 COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4
@@ -52,6 +53,7 @@ def compare(
     settings: Mapping[str, Any] | Sequence[Mapping[str, Any]] = (),
     sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
+    live: LiveOptions | None = None,
     to: str | Path | None = None,
     save_run: str | Path | None = None,
     layout: str | None = None,
@@ -63,10 +65,10 @@ def compare(
 ) -> RunScores:
     """Replay two to four runs side by side and return their scores; all after the first are compared with it.
 
-    Of one session, exactly one of the plural arguments has several values, a run each, but files of AMCL's
-    parameters go beside presets; without any, the features color and blended are compared. Several sessions
-    (paths, or opened ones) of one library are replayed with one filter; saved runs (paths) are compared as
-    they were. The other arguments are those of `replay`.
+    Of one session or live source, exactly one of the plural arguments has several values, a run each, but
+    files of AMCL's parameters go beside presets; without any, the features color and blended are compared.
+    Several sessions (paths, or opened ones) of one library are replayed with one filter; saved runs (paths)
+    are compared as they were. The other arguments are those of `replay`.
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
@@ -88,7 +90,8 @@ def compare(
     sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
     named = sources[0] if len(sources) == 1 else SEVERAL
     output = output_of(named, output, to, save_run, layout, detail, force=force)
-    return _compared(sources, library, given, output, reading or ReadingOptions(), listener, report)
+    reading, live = reading or ReadingOptions(), live or LiveOptions()
+    return _compared(sources, library, given, output, reading, live, listener, report)
 
 
 def _several(values: Any) -> Sequence[Any]:
@@ -101,6 +104,7 @@ def _compared(
     given: Given,
     output: OutputOptions,
     reading: ReadingOptions,
+    live: LiveOptions,
     listener: Listener,
     report: Report,
 ) -> RunScores:
@@ -118,6 +122,9 @@ def _compared(
         return _play(_saved_playback(folders, listener), output, listener, report)
     if len(sources) > 1:
         _check_count(len(sources))
+        paths = [source for source in sources if isinstance(source, (str, Path))]
+        if live != LiveOptions() or any(map(live.listens, paths)):
+            raise OptionError("a live source is compared alone, with several filters; several were named")
         if output.save_run is not None:
             advice = "replay each with --save-run, then compare"
             raise OptionError(f"--save-run saves runs of one session; {advice}")
@@ -126,7 +133,7 @@ def _compared(
         return _play(playback, output, listener, report)
     specs = specs_of(given)
     _check_count(len(specs))
-    return replay_session(sources[0], library, specs, output, reading, listener, report)
+    return replay_source(sources[0], library, specs, output, reading, live, listener, report)
 
 
 def _play(playback: Playback, output: OutputOptions, listener: Listener, report: Report) -> RunScores:

@@ -60,7 +60,7 @@ def record(
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
     from maurice_loaders.live.source import live_source
 
-    from ..app.replay import patience_of
+    from ..running.live import patience_of
 
     stopped: KeyboardInterrupt | None = None
     listen = ListenOptions(patience=patience_of(patience), only_record=True, library=library)

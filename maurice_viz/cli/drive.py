@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Annotated
 
 from ..layouts import DETAILS
-from .replay import QUIET, printed
+from .replay import printed
 from .shared import options as opt
 from .shared.console import ConsoleListener, note, notes
 from .shared.errors import fail
+from .shared.live_options import QUIET
 from .shared.visible import visible
 from .simulate import WORLD, WorldSet
 

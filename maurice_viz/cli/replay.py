@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +13,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from maurice_loaders.live.source import is_live
 from maurice_loaders.session_log.header import drive_name
 
 from ..entities import Phase, Place
@@ -25,6 +23,7 @@ from ..text.tour import headline
 from ..text.verdict import verdict_line
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
+from .shared.live_options import ListenSet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from ..running.run import Report, RunScores
 
 ENDED_LOST = 3  # exit status of a live replay with --on-lost whose source ended while a run was lost
-QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 KIDNAPPED, FEATURES, LASER = STORIES = ("kidnapped", "features", "laser")  # of the demo
 STORY_PRESETS = {KIDNAPPED: ("thesis", "robust"), FEATURES: (), LASER: ("amcl", "laser")}
 
@@ -45,21 +43,15 @@ def replay(
     chosen: opt.FilterSet,
     drawing: opt.DrawingSet,
     reading: opt.ReadingSet,
+    live: ListenSet,
     seed: opt.Seed = 0,
     save_run: opt.SaveRun = None,
     all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
-    follow: opt.Follow = False,
-    capture: opt.Capture = None,
-    keep_up: opt.KeepUp = None,
-    patience: opt.Patience = None,
-    on_lost: opt.OnLost = None,
     as_recorded: opt.AsRecorded = False,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
-    if follow or is_live(session):
-        os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
-    from ..app.replay import LiveOptions
+    listening_to = live.options([session])
     from ..app.replay import replay as replay_once
     from ..running.output import serving
 
@@ -70,13 +62,18 @@ def replay(
             **chosen.arguments(),
             seed=seed,
             reading=reading.options(),
-            live=LiveOptions(follow, capture, keep_up, patience, on_lost),
+            live=listening_to,
             as_recorded=as_recorded,
             output=output,
             report=printed(json_output, all_rows=all_rows),
             listener=listener,
         )
-    if on_lost is not None and scores.ended_lost:
+    _end_as(scores, live)
+
+
+def _end_as(scores: RunScores, live: ListenSet) -> None:
+    """End with a status of its own where a live run ended lost, and something waits for that."""
+    if live.on_lost is not None and scores.ended_lost:
         raise typer.Exit(ENDED_LOST)
 
 
@@ -109,35 +106,40 @@ def compare(
     paths: Annotated[
         list[Path],
         opt.argument(
-            "SESSION|RUN...", "A session; or two to four of them, or of saved runs; or a comparison's folder."
+            "SESSION|RUN...",
+            "A session or a live source; or two to four sessions, or saved runs; or a comparison's folder.",
         ),
     ],
     chosen: opt.FiltersSet,
     drawing: opt.DrawingSet,
     reading: opt.ReadingSet,
+    live: ListenSet,
     save_run: opt.SaveRun = None,
     all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
 ) -> None:
     """Replay two to four runs side by side in one recording, and show how they differ.
 
-    Of one session, give exactly one option of the filter several times, or one key of --set with several
-    values; without any, color and blended are compared.
+    Of one session or live source, give exactly one option of the filter several times, or one key of --set
+    with several values; without any, color and blended are compared.
     """
+    listening_to = live.options(paths)
     from ..app.compare import SEVERAL
     from ..app.compare import compare as compare_runs
     from ..running.output import serving
 
     output = drawing.output(drive_name(paths[0]) if len(paths) == 1 else SEVERAL, save_run)
     with listening(usage=False) as listener, serving(output, listener):
-        compare_runs(
+        scores = compare_runs(
             paths,
             **chosen.arguments(),
             reading=reading.options(),
+            live=listening_to,
             output=output,
             report=printed(json_output, all_rows=all_rows),
             listener=listener,
         )
+    _end_as(scores, live)
 
 
 def demo(

@@ -12,9 +12,9 @@ The walk of a replay, from the command to a dot on the screen:
    screen, `entities.py` says under which path they stand and on which timeline, `drawing/arrow.py` makes
    Arrow data of them.
 
-Beside them: `drive.py` draws drives alone, `recorded.py` has another localizer's runs from bags,
-`drive_check.py` asks whether a drive's pictures agree with the library, `saving.py` writes runs while they
-go, `watch.py` says what changes while a live source is followed, `saved_steps.py` restores the steps of saved
-runs, `verify.py` filters a saved run again. Nothing here prints, and nothing here decides how something looks
-or what words say.
+Beside them: `live.py` listens to a live source for runs, `watch.py` says what changes meanwhile, `drive.py`
+draws drives alone, `recorded.py` has another localizer's runs from bags, `drive_check.py` asks whether a
+drive's pictures agree with the library, `saving.py` writes runs while they go, `saved_steps.py` restores the
+steps of saved runs, `verify.py` filters a saved run again. Nothing here prints, and nothing here decides how
+something looks or what words say.
 """

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 from maurice_loaders.files.writing import discard
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values import Arena
 
 from ..errors import SinkError
 from ..playback import FilterRun
+from .open import SourcedSession
 from .output import OutputOptions
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class ToSave:
     manifest: Callable[[Path], RunManifest]  # for the folder that it is written to
     configuration: str  # as TOML
     arena: Arena
+    live: bool = False  # what it is made from is complete only at the end, and named again then
 
 
 @contextmanager
@@ -56,9 +57,9 @@ def saving(runs: Sequence[ToSave], output: OutputOptions) -> Iterator[Mapping[st
     except OSError as error:
         problem = error
     finally:
-        for writer in writers.values():
+        for run, writer in zip(runs, writers.values(), strict=True):
             try:
-                writer.close(state)
+                writer.close(state, run.manifest(writer.folder) if run.live else None)
             except OSError as error:
                 problem = error
         if problem is not None:
@@ -85,19 +86,25 @@ def _writers(runs: Sequence[ToSave], target: Path, force: bool) -> dict[str, Run
     }
 
 
-def filters_to_save(runs: Sequence[FilterRun], inputs: Inputs) -> list[ToSave]:
-    """Return what is to be written of runs of filters."""
+def filters_to_save(runs: Sequence[FilterRun], inputs: Inputs, *, live: bool = False) -> list[ToSave]:
+    """Return what is to be written of runs of filters; of `live` ones the inputs grow with the runs."""
     return [
-        ToSave(run.label, partial(manifest_of, run, inputs), run.configuration, run.localizer.library.arena)
+        ToSave(
+            run.label,
+            partial(manifest_of, run, inputs),
+            run.configuration,
+            run.localizer.library.arena,
+            live,
+        )
         for run in runs
     ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Inputs:
     """What all runs of a replay are made from."""
 
-    session: RecordedSession
+    session: SourcedSession
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool

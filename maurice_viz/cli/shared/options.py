@@ -256,32 +256,6 @@ Reading = Annotated[
         ),
     ),
 ]
-_FOLLOW = "SESSION is a file that is still being written: continue as it grows."
-Follow = Annotated[bool, option("--follow", _FOLLOW, LIVE)]
-_CAPTURE = "For a live source: write everything received to DIR/session.log."
-Capture = Annotated[Path | None, option("--capture", _CAPTURE, LIVE, metavar="DIR")]
-KeepUp = Annotated[
-    bool | None,
-    option(
-        "--keep-up/--every-picture",
-        "For a live source: skip and count the oldest of more than four waiting pictures, or "
-        "use every one, however late. [default: --keep-up for addresses]",
-        LIVE,
-    ),
-]
-Patience = Annotated[
-    float | None,
-    option(
-        "--patience",
-        "For a live source: end after so long away or silent. [default: 30 away, but a file; silent forever]",
-        LIVE,
-        hidden=True,  # of `replay`, which has enough options; `record` shows its own
-        min=0.0,
-        metavar="SECONDS",
-    ),
-]
-_ON_LOST = "For a live source: run this, without a shell, at each loss; to end lost is exit status 3."
-OnLost = Annotated[str | None, option("--on-lost", _ON_LOST, LIVE, metavar="COMMAND")]
 
 
 @dataclass(frozen=True, slots=True)
