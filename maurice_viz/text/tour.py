@@ -275,7 +275,8 @@ def _name(moment: TourMoment, several: bool) -> str:
     if isinstance(moment.fact, Incident):
         return moment.fact.about.title
     if isinstance(moment.fact, Failure):
-        name = f"the cause, {moment.fact.title}"
+        is_known = moment.fact.kind != UNKNOWN
+        name = f"the cause: {moment.fact.title}" if is_known else NAMES[LOST]
     else:
         name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name}" if several and moment.label else name

@@ -60,6 +60,6 @@ def test_where_every_step_agrees_its_blocks_are_the_sample(values, facts, cell):
 
 def test_of_a_run_that_was_lost_there_is_no_average():
     text, written = against([-0.9] * 40 + [0.1] * 5, verdict=LOST)
-    assert "* `b` is closer at 40 of 45 steps. No average, as `a` was lost from step 41." in text
+    assert "`b` is closer at 40 of 45 steps. No average, as `a` was lost from step 41." in text
     assert "chance" not in text
     assert written == "one was lost"

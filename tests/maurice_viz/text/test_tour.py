@@ -3,10 +3,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from helpers import expect_facts
-from maurice_mcl.reasons.causes import CARRIED, Incident
+from maurice_mcl.reasons.causes import CARRIED, DATA, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_viz.scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words
@@ -65,6 +65,19 @@ def test_without_truth_no_page_speaks_of_it():
     pages = list(tour_pages(tour_of(verdicts), verdicts, INCHES, dict.fromkeys(range(1, 10), "")))
     assert len(pages) == 9
     assert not any("truth" in page or "white" in page.casefold() for _, page in pages)
+
+
+def test_a_moment_whose_cause_is_not_known_is_that_it_goes_wrong():
+    failure = Failure(UNKNOWN, 5, Episode(PROBABLY_LOST, 6, 9, noticed=6), truth_known=False)
+    verdicts = {"a": RunVerdict(updates=9, first=1, last=9, failures=(failure,))}
+    page = dict(tour_pages(tour_of(verdicts), verdicts, INCHES, dict.fromkeys(range(1, 10), "")))[5]
+    assert "step 5: it goes wrong" in page
+    assert "the cause, not known" not in page
+    known = {
+        "a": replace(verdicts["a"], failures=(replace(failure, kind=DATA, evidence={"equal_pictures": 4}),))
+    }
+    page = dict(tour_pages(tour_of(known), known, INCHES, dict.fromkeys(range(1, 10), "")))[5]
+    assert "the cause: gap in the recording" in page
 
 
 def test_runs_that_differ_in_it_are_told_apart_by_where_they_draw_new_particles():
