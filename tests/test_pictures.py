@@ -60,14 +60,15 @@ PANELS = {
     "traces": "position error 20 96 530 240; heading error 20 292 530 436; knows 20 488 530 632; "
     "rank 30 684 530 828; spread 560 96 1060 240; ancestors 560 684 1060 828; "
     "evidence 1100 96 1595 715; key 1075 765 1590 840; events 5 850 1595 950",
-    "compare": "words 5 100 1595 160; clouds 10 180 520 510; drive words 10 540 520 640; "
-    "robot sees 560 230 880 500; first match 900 190 1230 500; second match 1260 190 1590 500; "
-    "first histograms 560 540 1590 610; second histograms 560 630 1590 710; events 5 740 1595 830; "
-    "errors 30 845 1495 955",
+    "compare": "words 5 90 1595 130; robot sees 45 200 275 380; first before 330 170 630 380; "
+    "first after 645 170 955 380; second before 965 170 1275 380; second after 1285 170 1595 380; "
+    "map 20 400 300 600; first match 365 425 595 590; first histograms 650 400 950 600; "
+    "second match 1005 425 1235 590; second histograms 1285 400 1590 600; why 10 620 850 690; "
+    "drive words 875 620 1590 690; events 5 740 1595 830; errors 30 845 1495 955",
 }
 FOUR = (
-    "words 5 100 1595 160; clouds 10 180 520 510; drive words 10 540 520 640; "
-    "pictures 540 200 1590 330; first histograms 560 365 1590 430; last histograms 560 640 1590 710; "
+    "words 5 90 1595 130; clouds 300 200 1590 350; robot sees 40 200 240 350; map 20 390 280 560; "
+    "matches and histograms 300 390 1590 560; why 10 590 850 660; drive words 875 590 1590 660; "
     "events 5 740 1595 830; errors 30 845 1595 955"
 )
 
@@ -81,7 +82,15 @@ def panels_of(layout: str) -> dict[str, tuple[int, ...]]:
 # Colors that are counted in a panel: near enough to be that color, and not its mixture at the edge of a line.
 ALIKE = 12  # levels of red, green and blue
 COUNTED = {f"run {k + 1}": color for k, color in enumerate(style.RUN_COLORS)}
-MAPS = ("belief", "circles", "before", "after", "map", "clouds")  # panels with walls; letters are as gray
+MAPS = (
+    "belief",
+    "circles",
+    "before",
+    "after",
+    "map",
+    "first before",
+    "second after",
+)  # panels with walls; letters are as gray
 COLORS = STORED / "colors.json"
 FEW_PIXELS, COUNT_CHANGED = 60, 0.25  # a difference that may be, of pixels and of their number
 

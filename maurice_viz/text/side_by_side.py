@@ -149,7 +149,7 @@ def _of_matches(steps: Mapping[str, Step], matches: Sequence[BestMatch], scale: 
         return f"of {count} references the best match was taken {listed(parts)}."
     parts = [
         f"the best match by {quoted(match.label for match in some)} was taken {far[key]} from {goal}"
-        f"{_ranks(some[0])}"
+        f"{_ranks(some)}"
         for key, some in by_entry.items()
     ]
     return f"of {count} references {'; '.join(parts)}."
@@ -161,15 +161,14 @@ def _away_m(match: BestMatch, steps: Mapping[str, Step]) -> float:
     return float(np.hypot(*(match.pose - goal)[:2]))
 
 
-def _ranks(match: BestMatch) -> str:
-    """Say how a match ranks by each channel: "(1st by color, only 170th by edges, unused)"."""
-    ranks = sorted(match.ranks.items(), key=lambda item: item[1])
+def _ranks(matches: Sequence[BestMatch]) -> str:
+    """Say how the match of some runs ranks by each channel: "(1st by color and 170th by edges, unused)"."""
+    ranks = sorted(matches[0].ranks.items(), key=lambda item: item[1])
+    used = {channel for match in matches for channel in match.used}
     if len(ranks) < 2:
         return ""
     some = ranks if len(ranks) <= FEW_RANKS else [ranks[0], ranks[-1]]
-    parts = [
-        f"{ordinal(rank)} by {channel}{'' if channel in match.used else ', unused'}" for channel, rank in some
-    ]
+    parts = [f"{ordinal(rank)} by {channel}{'' if channel in used else ', unused'}" for channel, rank in some]
     return f" ({listed(parts)})"
 
 

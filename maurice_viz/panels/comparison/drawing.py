@@ -35,6 +35,7 @@ DOTS_A_CLOUD = 200  # per cloud on the shared map: four full clouds would hide e
 DOT_PT = 1.5  # radius in points of the screen
 ALIKE = 4.0  # times its own close-up with the truth: a run has the frame of all up to there
 CLOSEUP = Extent(-1.0, 1.0, -1.5, 1.0)  # what is seen of it: the cloud, under a caption of two lines
+GROWS = 1.6  # times as large: close-ups also hold the clouds of the step before up to there
 LENGTH_ABOVE = 0.32  # of the length above the scale bar
 SIDES = (BEFORE, AFTER)
 CAPTIONS: Mapping[Phase | None, tuple[str, str]] = {  # of what is before and after a phase
@@ -70,6 +71,7 @@ class ComparisonDrawing:
             if run.own_drive
         }
         self._named = set[str]()  # runs whose cameras have their names
+        self._clouds_before: dict[str, F64] = {}  # of the last update
         self._matches = MatchesDrawing(rec, runs, scene)
         self._frames = {run.label: CloseupFrame(frame_of(run.label), scene, LENGTH_ABOVE) for run in runs}
         self._says_scan = all(run.sees_alone for run in runs)
@@ -150,6 +152,9 @@ class ComparisonDrawing:
         }
         every = list({id(truth): truth for some in truths.values() for truth in some}.values())
         _, reach_m = seen_whole([*clouds.values()], every)
+        before, self._clouds_before = self._clouds_before, clouds
+        if before and seen_whole([*clouds.values(), *before.values()], every)[1] <= GROWS * reach_m:
+            clouds = {label: np.concatenate([cloud, before[label]]) for label, cloud in clouds.items()}
         for label, frame in self._frames.items():
             own = [clouds[label], *(truth[None, :2] for truth in truths[label])]
             if reach_m <= ALIKE * seen_whole(own, [])[1]:
