@@ -146,9 +146,10 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     because = f"; {why}" if why else ""
     if last.localized is None and last is verdict.episodes[-1]:
         sure = SURE_OF_WRONG if last.is_sure else ""
-        is_lost = verdict.end is None or verdict.end.lost
-        did = "stayed lost" if is_lost else "{was} lost and not localized again"
-        return Outcome(f"{did}{sure}", off_at(verdict.end, scale), after=" at the end", alone=because)
+        end = verdict.end
+        did = "stayed lost" if end is None or end.lost else "{was} lost and not localized again"
+        did += ", though right in the end" if end is not None and end.correct else sure
+        return Outcome(did, off_at(verdict.end, scale), after=" at the end", alone=because)
     if last.localized is None:
         return Outcome("{was} lost", why)
     step, fresh = str(last.localized), f", with {last.fresh} new particles" if last.fresh else ""

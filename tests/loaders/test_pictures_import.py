@@ -65,6 +65,27 @@ def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
         assert inspect_file(log, ReadingOptions()).problem_count == 0
 
 
+@pytest.mark.parametrize(
+    ("places", "apart_m", "every", "facts"),
+    [
+        (40, 0.3, 4, ["10 steps", "11 references", "19 places are within", "40 places are too few for both"]),
+        (78, 0.3, 4, ["19 references", "a larger --every than 4 gives the library more"]),
+        (30, 1.0, 10, ["3 steps", "a smaller --every than 10 gives the drive more"]),
+        (50, 1.0, 2, []),
+    ],
+)
+def test_a_division_that_is_too_small_says_so_and_what_to_do(
+    source: Path, tmp_path: Path, places: int, apart_m: float, every: int, facts: list[str]
+) -> None:
+    for k in range(places):
+        (source / "images" / f"{k}.JPG").write_bytes(encode_jpeg(np.full((6, 8, 3), 3 * k, np.uint8)))
+    rows = "".join(f"images/{k}.JPG,{apart_m * k:.1f},0,0\n" for k in range(places))
+    (source / "line.csv").write_text(f"image,x_m,y_m,heading_deg\n{rows}")
+    warnings = import_pictures(source, source / "line.csv", tmp_path / "out", every=every).warnings
+    assert [fact for fact in facts if fact not in "; ".join(warnings)] == []
+    assert bool(warnings) == bool(facts)
+
+
 def test_pictures_have_their_own_labels_and_names_that_tell_no_pose(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", every=EVERY)
     for moment in open_session(summary.session).moments():

@@ -248,6 +248,12 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
     assert run(events=(slow.replace("30", "1"),)).kind == "unknown"
 
 
+def test_places_that_look_alike_are_two_at_least():
+    """The estimate's, which lies between references, is the other one where no reference is."""
+    failure = failure_of({"fit": replace(FITS, estimate_behind=0.1, rivals=0)}, ALL)
+    assert (failure.kind, failure.evidence["places"]) == ("ambiguity", 2)
+
+
 def test_a_view_has_changed_only_where_pictures_cost_more_than_usual_or_than_before():
     """A picture that fits other places better, and the true one as usual, shows what is there."""
     elsewhere = replace(POOR, cost=USUAL.cost)
