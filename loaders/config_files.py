@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
+from maurice_mcl.config.parameters import (
+    PRESETS,
+    Configuration,
+    FilterParameters,
+    Layer,
+    configure,
+    flatten,
+)
 from maurice_mcl.filter.motion import MOTION_MODELS
-from maurice_mcl.values import expected_one_of
+from maurice_mcl.values import POSE_SENSORS, expected_one_of
 
 from .amcl import read_amcl
 from .errors import InputError
 from .files.ros_maps import ENDINGS
 from .files.text import read_toml, toml_value
 
+
+def _recovers_by(name: str) -> Callable[[FilterParameters], bool]:
+    return lambda parameters: parameters.recovery.strategy == name
+
+
+STRATEGIES = ("threshold", "sensor", "augmented", "expansion", "mixture")  # of recovery, with a table each
+# tables of the configuration that only some filters use
+USED_IF: Mapping[str, Callable[[FilterParameters], bool]] = {
+    "sensor.laser": lambda p: "laser" in p.sensor.weights,
+    "references.interpolation": lambda p: p.references.method == "interpolated",
+    "resampling.kld": lambda p: p.resampling.adaptive,
+    **{f"recovery.{name}": _recovers_by(name) for name in STRATEGIES},
+    "guided_motion": lambda p: bool(p.sensor.outside or {*p.sensor.weights} & {*POSE_SENSORS}),
+}
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
 
 
@@ -77,17 +98,28 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
 
 
 def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
-    """Write the effective configuration as TOML; with `origins`, comments say where values came from."""
+    """Write the effective configuration as TOML; with `origins`, comments say where values came from.
+
+    Then tables of defaults that the filter does not use, such as a laser's without a laser, are only named.
+    """
     tables: dict[str, list[str]] = {"": []}
+    unused = {table for table, used in USED_IF.items() if origins and not used(configuration.parameters)}
+    unused -= {_table_of(setting.key) for setting in configuration.settings if setting.origin != "default"}
     for setting in configuration.settings:
-        if setting.value is None:
+        table, name = _table_of(setting.key), setting.key.rpartition(".")[2]
+        if setting.value is None or table in unused:
             continue
-        table, _, name = setting.key.rpartition(".")
         comment = f"  # from {_printable(setting.origin)}" if origins else ""
         tables.setdefault(table, []).append(f"{name} = {toml_value(setting.value)}{comment}")
     parts = ["\n".join(tables.pop(""))]
     parts += [f"[{table}]\n" + "\n".join(lines) for table, lines in tables.items()]
+    if unused:
+        parts.append(f"# defaults of no use to this filter: {', '.join(sorted(unused))}")
     return "\n\n".join(parts) + "\n"
+
+
+def _table_of(key: str) -> str:
+    return key.rpartition(".")[0]
 
 
 def _printable(text: str) -> str:

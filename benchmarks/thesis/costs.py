@@ -52,14 +52,23 @@ def of_color(material: Material, what: str, label: str) -> Figure:
 
 def update(material: Material) -> Figure:
     """Draw the time of one update against the number of particles, a line a feature, both on log scales."""
-    rows = _timed(material, UPDATE)
+    timed = ("median_s", "low_s", "high_s")
+    of_drives = _timed(material, UPDATE).group_by("feature", "particles", maintain_order=True)
+    rows = of_drives.agg(pl.col(timed).mean(), drives=pl.len())
     drawing, axes = figure("", "particles", "CPU time of one update, picture to belief (ms)")
     for number, feature in enumerate(rows["feature"].unique(maintain_order=True).to_list()):
         some = rows.filter(pl.col("feature") == feature).sort("particles")
         color, marker, line = STYLES[number]
         x = some["particles"].to_numpy()
-        y, low, high = (1000 * some[name].to_numpy() for name in ("median_s", "low_s", "high_s"))
-        axes.plot(x, y, color=color, marker=marker, linestyle=line, label=f"{feature}, median")
+        y, low, high = (1000 * some[name].to_numpy() for name in timed)
+        axes.plot(
+            x,
+            y,
+            color=color,
+            marker=marker,
+            linestyle=line,
+            label=f"{feature}, median of {some['drives'][0]} drives",
+        )
         axes.fill_between(
             x, low, high, color=color, alpha=0.15, linewidth=0, label=None if number else f"band: {ROUNDS}"
         )

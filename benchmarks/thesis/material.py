@@ -12,7 +12,8 @@ import polars as pl
 
 from maurice_datasets.trials.drives import Drive, open_drive
 from maurice_datasets.trials.folder import MissingRuns as MissingRuns
-from maurice_datasets.trials.folder import Row, TrialsFolder
+from maurice_datasets.trials.folder import Row as Row
+from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import LEVEL, Interval, mean
 from maurice_mcl.filter.localizer import Localizer, run
@@ -27,10 +28,14 @@ from .timing import read_timing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-EXAMPLE = SessionSpec("global", task="global", updates=60)  # of figures about one drive: seed 0, not chosen
-TRACKING = SessionSpec("tracking", task="tracking", updates=120)  # the same of figures with a known start
+EXAMPLE = SessionSpec(
+    "global", task="global", updates=60, arenas=20
+)  # of figures about one drive: seed 0, not chosen
+TRACKING = SessionSpec(
+    "tracking", task="tracking", updates=120, arenas=20
+)  # the same of figures with a known start
 
-MOST_DRIVES = 5  # that are rendered again for the spread of figures about pictures: 5 s each
+MOST_DRIVES = 10  # that are rendered again for what is shown of pictures: 2 s each
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,6 @@ Ours: localized in four of five updates within five minutes; of tracking, not lo
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,11 +18,11 @@ from maurice_mcl.scoring.metrics import IN_TIME_S
 from maurice_mcl.values.arrays import Bool
 from maurice_mcl.values.geometry import INCH_M
 
-from .material import Material, MissingRuns, ThesisFigure
+from .material import Material, MissingRuns, Row, ThesisFigure
 from .over_particles import STYLES
-from .run_claims import CRITICAL, MOST
+from .run_claims import CRITICAL, THESIS, TRACKS, Test, scored
 from .traces import panels
-from .verdicts import ClaimFigure, ClaimResult, said
+from .verdicts import SHARE, Bound, Sample, Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +31,12 @@ if TYPE_CHECKING:
 TRACKING, GLOBAL, KIDNAPPED = "position-tracking", "global-localization", "kidnapped"
 TASKS = {TRACKING: "position tracking", GLOBAL: "global localization", KIDNAPPED: "kidnapped robot"}
 OURS, TENTH, CIRCLE = "ours", "thesis: 90 %, sd below 10 %", "thesis: 90 % in one foot"
+SINCE = 10  # updates after a kidnapping
+SAMPLES = {
+    TRACKING: TRACKS,
+    GLOBAL: "exact",
+    KIDNAPPED: KIDNAPPED,
+}  # the parts on whose runs the claims stand
 EXACT = "exact"  # the part that compares the preset `thesis` with `thesis-exact`
 
 
@@ -56,22 +60,17 @@ def successful(rows: pl.DataFrame, reading: str) -> Bool:
     return np.asarray(rows.select(right.fill_null(False)).to_series().to_numpy(), bool)
 
 
-def success_test(part: str) -> Callable[[Material], ClaimResult]:
-    """Return the test that most runs of a task succeed, with the critical count of particles or more."""
+def success_test(part: str) -> Test:
+    """Return the test that most runs of a task succeed, by the thesis's two readings and by ours.
 
-    def test(material: Material) -> ClaimResult:
-        rows = rows_of(material, part).filter(pl.col("particles") >= CRITICAL)
-        if part == KIDNAPPED:
-            rows = rows.filter(pl.col("label") == "thesis")
-        if rows.is_empty():
-            raise MissingRuns(material.folder, f"holds no runs of {part} with {CRITICAL:,} particles or more")
-        clusters = clusters_of(rows)
-        tenth = partial(share, successful(rows, TENTH), clusters)
-        circle, ours = (share(successful(rows, reading), clusters) for reading in (CIRCLE, OURS))
-        named = "not lost" if part == TRACKING else "localized in five minutes"
-        beside = f"in one foot {circle.text(100, 0)}; ours, {named}: {ours.text(100, 0)}"
-        words = f"{said(tenth(0.95), '%', 100, 0)}; {beside}"
-        return ClaimResult(words, evidence=(ClaimFigure(tenth, MOST),))
+    With the critical count of particles; tracks are those of the largest sample.
+    """
+
+    def test(material: Material) -> Samples:
+        rows = scored(material.part(SAMPLES[part]), label=THESIS, particles=CRITICAL)
+        rows = rows if part != GLOBAL else scored(rows, task="global")
+        readings = (successful(rows, reading) for reading in (TENTH, CIRCLE, OURS))
+        return tuple(Sample(SHARE, right.astype(np.float64), clusters_of(rows)) for right in readings)
 
     return test
 
@@ -134,7 +133,31 @@ def exact_table(material: Material) -> str:
             ]
             error = mean(some["error_m"].to_numpy() / INCH_M, clusters).text(1, 1)
             lines.append(f"| `{label}` | {session}, {len(some)} runs | {error} | {' | '.join(rates)} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", _even_draws(material, rows)])
+
+
+def _even_draws(material: Material, rows: pl.DataFrame) -> str:
+    """Say at how many updates the filter to the letter draws evenly: not lost, and kidnapped."""
+    exact = rows.filter(pl.col("label") == "thesis-exact")
+    tracks = exact.filter((pl.col("task") == "tracking") & ~pl.col("lost"))
+    carried = exact.filter(pl.col("kidnapped_at_update").is_not_null())
+    acted = [_acted(material, row) for row in carried.iter_rows(named=True)]
+    samples = [((tracks["reseeded"] / tracks["updates"]).to_numpy(), clusters_of(tracks))]
+    samples += [(np.array(shares), clusters_of(carried)) for shares in zip(*acted, strict=True)]
+    percent = Bound("", "%", digits=0)
+    usual, before, after = (percent.shown(Sample(SHARE, *sample)).strip() for sample in samples)
+    return (
+        f"`thesis-exact` draws evenly at {usual} of the updates of {len(tracks)} tracks that were never lost,"
+        f" at {before} of those before a kidnapping, and at {after} of the {SINCE} after it "
+        f"({len(carried)} drives)."
+    )
+
+
+def _acted(material: Material, row: Row) -> tuple[float, float]:
+    """Return at which share of the updates before a kidnapping, and of the first after it, a run drew."""
+    first = int(row["kidnapped_at_update"]) - 1
+    drew = np.array([record.injected is not None for _, record in material.run_of(row)], float)
+    return float(drew[:first].mean()), float(drew[first : first + SINCE].mean())
 
 
 FIGURES = (ThesisFigure(101, "Success as the thesis defines it, beside ours", success),)

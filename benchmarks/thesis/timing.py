@@ -25,7 +25,8 @@ from maurice_mcl.values.arrays import F64
 FILE = "timing.parquet"
 PARTICLES = (100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 60_000)
 FEATURES = ("color", "edges", "blended", "best")
-SPEC = SessionSpec("timing", task="global", updates=6)
+SPEC = SessionSpec("timing", task="global", updates=6, arenas=20)
+DRIVES = 8  # whose first picture is timed, each in an arena of its own
 DESCRIBE, COMPARE, UPDATE = "describe", "compare", "update"
 Work = Callable[[], object]
 
@@ -43,11 +44,12 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, F64]:
     return {name: np.array(seconds) for name, seconds in took.items()}
 
 
-def measure(folder: Path, rounds: int) -> pl.DataFrame:
+def measure(folder: Path, rounds: int, drives: int = DRIVES) -> pl.DataFrame:
     """Measure everything and write it as the folder's timing.parquet; see `read_timing` for its columns."""
     cv2.setNumThreads(1)
-    drive = open_drive(SPEC, 0)
-    rows = [*_features(drive, rounds), *_updates(drive, rounds)]
+    rows = _features(open_drive(SPEC, 0), rounds)
+    for number in range(drives):
+        rows += [row | {"drive": number} for row in _updates(open_drive(SPEC, number), rounds)]
     frame, packed = pl.DataFrame(rows), io.BytesIO()
     frame.write_parquet(packed)
     write_whole(folder / FILE, packed.getvalue(), force=True)
@@ -65,7 +67,7 @@ def _features(drive: Drive, rounds: int) -> list[dict[str, Any]]:
             sensor = drive.bench.localizer({"feature": name}).sensor
             describe[name] = partial(CHANNELS[name].describe, image)
             compare[name] = partial(sensor.compare, sensor.measure(image))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for what, works in ((DESCRIBE, describe), (COMPARE, compare)):
         took = in_turn(works, rounds)
         rows += [_row(what, name, None, seconds, took["color"]) for name, seconds in took.items()]
@@ -96,6 +98,7 @@ def _row(what: str, feature: str, particles: int | None, seconds: F64, color: F6
         "what": what,
         "feature": feature,
         "particles": particles,
+        "drive": 0,
         "median_s": float(median),
         "low_s": float(low),
         "high_s": float(high),
@@ -108,7 +111,7 @@ def _row(what: str, feature: str, particles: int | None, seconds: F64, color: F6
 def read_timing(folder: Path) -> pl.DataFrame | None:
     """Return what `measure` found for a folder of trials; None where nothing was measured.
 
-    Columns: `what` (describe, compare, update), `feature`, `particles` (of an update), seconds as median and
-    10 to 90 percent of the rounds, and the ratio to color, round by round.
+    Columns: `what` (describe, compare, update), `feature`, `particles` and `drive` (of an update), seconds as
+    median and 10 to 90 percent of the rounds, and the ratio to color, round by round.
     """
     return pl.read_parquet(folder / FILE) if (folder / FILE).is_file() else None

@@ -110,7 +110,7 @@ class Stride:
 
 @dataclass(frozen=True, slots=True)
 class Localize:
-    """Stop and look: one completed motion, one update (thesis 2: motion is blocked meanwhile)."""
+    """Stop and look: one completed motion, one update (thesis 3.5: motion is blocked meanwhile)."""
 
     def propose(self, senses: Senses) -> BehaviorProposal | None:
         """Look once after every motion."""

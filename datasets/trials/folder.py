@@ -58,9 +58,9 @@ class TrialsFolder:
         for column, value in wanted.items():
             rows = rows.filter(pl.col(column) == value) if column in rows.columns else rows.clear()
         if rows.is_empty():
-            raise MissingRuns(
-                self.folder, f"holds no runs of {name}; maurice-replay trials run {name} makes them"
-            )
+            such = " and ".join(f"{column} {value}" for column, value in wanted.items())
+            what = f"holds no runs of {name}{f' with {such}' if such else ''}"
+            raise MissingRuns(self.folder, f"{what}; maurice-replay trials run {name} makes them")
         return rows
 
     def drive_of(self, row: Row) -> Drive:

@@ -181,33 +181,36 @@ def rate(hits: int, count: int, level: float = LEVEL) -> Interval:
     return _wilson(hits / max(count, 1), count, level, count, count) if count else UNKNOWN
 
 
-def share(flags: Bool, clusters: Clusters | None = None, level: float = LEVEL) -> Interval:
+def share(flags: Bool | F64, clusters: Clusters | None = None, level: float = LEVEL) -> Interval:
     """Return the share of flags (N,) with a Wilson interval for as many runs as the clusters are worth.
 
     That is the number of independent runs with the same variance (Korn and Graubard 1998). Where all flags
-    are equal nothing tells it, and it is the number of drives.
+    are equal nothing tells it, and it is the number of drives. Flags may be shares themselves, from 0 to 1:
+    of the updates of each run.
     """
-    flags = np.asarray(flags, bool)
+    flags = np.asarray(flags, np.float64)
     if not len(flags):
         return UNKNOWN
     of = apart(len(flags)) if clusters is None else clusters
     return _share(flags, of.units(flags - flags.mean()), of.count, level)
 
 
-def _share(flags: Bool, units: I64, drives: int, level: float, *, few: bool = False) -> Interval:
+def _share(flags: Bool | F64, units: I64, drives: int, level: float, *, few: bool = False) -> Interval:
     worth = _worth(flags, units, level, few=few)
     return _wilson(float(flags.mean()), worth, level, len(flags), drives)
 
 
-def _worth(flags: Bool, units: I64, level: float, *, few: bool) -> float:
+def _worth(flags: Bool | F64, units: I64, level: float, *, few: bool) -> float:
     """Return how many independent runs have the variance of the share of flags (N,) of some units."""
     count, clusters, value = len(flags), len(set(units.tolist())), float(flags.mean())
-    if clusters == count and not few:
+    partly = bool(((flags > 0) & (flags < 1)).any())  # shares themselves: a run is worth more than one flag
+    if clusters == count and not few and not partly:
         return count
     sums, free = _totals((flags - value) / count, units)
     variance, binomial = float(np.square(sums).sum()), value * (1 - value)
-    size = clusters if binomial == 0 else count if variance == 0 else binomial / variance
-    return float(min(size * (_quantile(np.inf, level) / _quantile(free, level)) ** 2, count))
+    size = clusters if binomial == 0 else count if variance < EQUAL**2 else binomial / variance
+    worth = size * (_quantile(np.inf, level) / _quantile(free, level)) ** 2
+    return float(worth if partly else min(worth, count))
 
 
 def _wilson(p: float, n: float, level: float, count: int, drives: int) -> Interval:

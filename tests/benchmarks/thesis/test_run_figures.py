@@ -39,7 +39,6 @@ PARTS = {
 FEATURES = '{session}[settings]\npreset = "thesis"\nparticles = 100\n[grid]\nfeature = {features}\n'
 for _name, _features in (
     ("smoothing", '["color", "smoothed", "blurred"]'),
-    ("edges", '["color", "edges"]'),
     ("blended", '["color", "edges", "blended", "best"]'),
 ):
     _session = SESSION.format(task="global", more="")
@@ -54,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (home / f"{name}.toml").write_text(text)
     (home / "tiny.toml").write_text(f"include = {[f'{name}.toml' for name in PARTS]}")
     assert run_plan(read_plan(home / "tiny.toml"), home / "trials").failed == 0
-    measure(home / "trials", rounds=2)
+    measure(home / "trials", rounds=2, drives=2)
     return home / "trials"
 
 
@@ -147,8 +146,17 @@ def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
     assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
 
 
+def test_figure_36_says_why_it_is_not_drawn(tmp_path: Path) -> None:
+    """Quick trials have global runs, but none with 500 particles; of others, none may have failed."""
+    named = {"part": "global-localization", "feature": "color", "settings": "{}"}
+    for particles, why in ((20, "with particles 500 and feature color"), (500, "with 500 particles failed")):
+        rows = pl.DataFrame([dict.fromkeys(TYPES) | named | {"particles": particles}], schema=TYPES)
+        with pytest.raises(MissingRuns, match=why):
+            drives.failed_run(made_of(tmp_path, with_settings(rows)))
+
+
 def test_figures_of_no_trials_are_refused_before_a_folder_is_made(tmp_path):
-    with pytest.raises(InputError, match="found no trials"):
+    with pytest.raises(InputError, match="expected a folder that `maurice-replay trials run` has made"):
         draw_figures(tmp_path, tmp_path / "figures")
     assert not (tmp_path / "figures").exists()
 

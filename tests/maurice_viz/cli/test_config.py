@@ -56,6 +56,19 @@ def test_every_layer_is_named_where_it_wins(tmp_path):
         assert line in shown.splitlines()
 
 
+def test_defaults_that_a_filter_does_not_use_are_only_named():
+    """Neither a laser's nor another recovery's for the thesis's filter; what anyone set is shown."""
+    shown = _run("--preset", "thesis").stdout
+    assert "max_beams" not in shown
+    assert "teleport" not in shown
+    assert "# defaults of no use to this filter: guided_motion, " in shown
+    assert "sensor.laser" in shown.splitlines()[-1]
+    set_by_hand = _run("--preset", "thesis", "--set", "sensor.laser.max_beams=30").stdout
+    assert "max_beams = 30  # from command line" in set_by_hand
+    assert "max_beams" in _run("--preset", "amcl").stdout
+    assert "deviations" in _run("--preset", "robust").stdout
+
+
 def test_shown_origins_and_keys(tmp_path):
     plain = json.loads(_run("--json").stdout)
     assert {key: one["value"] for key, one in plain.items()} == json.loads(json.dumps(defaults()))

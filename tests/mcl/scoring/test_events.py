@@ -27,7 +27,7 @@ from maurice_mcl.scoring.events import (
     say_recovery_test,
 )
 from maurice_mcl.scoring.metrics import Scorer
-from maurice_mcl.values.records import AVERAGES, PICTURE, RecoveryTest
+from maurice_mcl.values.records import AVERAGES, LIBRARY, PICTURE, RecoveryTest
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
 SPREAD = [*at(0, 0, 0.4), *at(3, 0, 0.35), *at(6, 0, 0.25)]
@@ -250,6 +250,10 @@ def test_what_the_filter_noticed(said, kind, text):
     [
         (RecoveryTest(PICTURE, -9.14, -10.73), "this picture fits badly (-10.7 nats, threshold -9.1)"),
         (RecoveryTest(PICTURE, -12.01, -12.04), "this picture fits badly (-12.04 nats, threshold -12.01)"),
+        (
+            RecoveryTest(LIBRARY, 0.0, -0.12),
+            "the cloud matches this picture worse than the library's mean (-0.1 nats, threshold 0.0)",
+        ),
         (
             RecoveryTest(AVERAGES, -3.0, -3.61),
             "pictures fit badly of late (-3.6 nats, long-term average -3.0)",
