@@ -258,7 +258,8 @@ class Aligner:
         """Poses of the odometry are awaited for `max_dt_s`; None: there are none.
 
         Between two observations only `most` events are kept, and twice as many motions; None: all. With
-        `prompt` truth is awaited only by the first observation, and where some came in the last 10 s.
+        `prompt` truth is awaited only by the first observation, and where some came in the last 10 s or with
+        the observation before.
         """
         self.first_odometry: F64 | None = None  # the first pose (3,) of the odometry, once it was seen
         self._max_dt_s, self._most, self._prompt = max_dt_s, most, prompt
@@ -266,7 +267,7 @@ class Aligner:
         self._odometry: OdometryPose | None = None
         self._truth: TruthPose | None = None
         self._truth_s = -np.inf  # time of the last one
-        self._ever = False  # whether an observation is known whole
+        self._known_s = -np.inf  # time of the last observation that is known whole
         self._motions: list[F64] = []
         self._events: list[str] = []
         self._readings: dict[str, float] = {}
@@ -288,7 +289,7 @@ class Aligner:
 
     def _outdated(self, now_s: float) -> Iterator[Aligned]:
         while self._waiting and self._ready(self._waiting[0], now_s):
-            self._ever = True
+            self._known_s = self._waiting[0].picture.t_s
             yield self._waiting.popleft()
 
     def _ready(self, aligned: Aligned, now_s: float) -> bool:
@@ -298,7 +299,8 @@ class Aligner:
         until_s = until_s if odometry is None else max(until_s, odometry.t_s + MAX_GAP_S + ROUNDING_S)
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
         known = aligned.odometry.settled or now_s > until_s
-        no_truth = self._prompt and self._ever and t_s - self._truth_s > TRUTH_AGAIN_S
+        since_s = min(self._known_s - MAX_GAP_S, t_s - TRUTH_AGAIN_S)
+        no_truth = self._prompt and self._truth_s < since_s
         return known and (aligned.truth.settled or no_truth or now_s > truth_until_s)
 
     def _observe(self, record: Picture | Scan) -> Iterator[Aligned]:

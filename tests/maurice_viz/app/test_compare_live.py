@@ -81,6 +81,15 @@ def _pipe(lines: list[bytes], monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 @contextmanager
+def _slow_pipe(lines: list[bytes], monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A robot that takes a picture every 16 s, with the true pose right after it."""
+    records = [json.loads(line) for line in lines[1:]]
+    later = [json.dumps(record | {"t": 8 * record["t"]}).encode() + b"\n" for record in records]
+    with _pipe([lines[0], *later], monkeypatch) as source:
+        yield source
+
+
+@contextmanager
 def _growing_file(lines: list[bytes], monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     file = Path("growing.log")
     file.touch()
@@ -142,11 +151,15 @@ def _cmucam(lines: list[bytes], monkeypatch: pytest.MonkeyPatch) -> Iterator[str
 SOURCES = {
     "tcp": _socket,
     "stdin": _pipe,
+    "slow": _slow_pipe,
     "follow": _growing_file,
     "rosbridge": _rosbridge,
     "foxglove": _foxglove,
     "cmucam": _cmucam,
 }
+
+
+WITH_TRUTH = ("tcp", "stdin", "slow", "follow")
 
 
 @pytest.mark.parametrize(("kind", "keep_up"), [*((kind, False) for kind in SOURCES), ("tcp", True)])
@@ -166,7 +179,7 @@ def test_each_run_is_what_it_is_alone_on_a_capture(kind, keep_up, lines, small_s
         assert len(pairs) >= (1 if keep_up else 10)
         assert [first_difference(*pair) for pair in pairs] == [None] * len(pairs)
         assert beside.manifest.pictures == len(pairs)
-        assert alone.manifest.has_truth == beside.manifest.has_truth == (kind in ("tcp", "stdin", "follow"))
+        assert alone.manifest.has_truth == beside.manifest.has_truth == (kind in WITH_TRUTH)
 
 
 def test_the_recording_of_several_live_runs_has_all_of_them_and_their_verdict(lines, small_session):
