@@ -34,9 +34,10 @@ def _dim(color: Sequence[int]) -> RGB:
     return red, green, blue
 
 
+BARS = (*(_dim(color) for color in RED_GREEN_BLUE), _dim(BAR))  # red, green, blue, all others
 CHARTS = IndexedColors()
 GROUND_INK, AXIS_INK = CHARTS.flat(GROUND), CHARTS.flat(RULER)
-PLANE_INKS, GRAY_INK = [CHARTS.flat(_dim(color)) for color in RED_GREEN_BLUE], CHARTS.flat(_dim(BAR))
+*PLANE_INKS, GRAY_INK = (CHARTS.flat(color) for color in BARS)
 LINE_INKS = [CHARTS.flat(color) for color in RUN_COLORS]  # of each run
 HEAT_INK = CHARTS.ramp(EMPTY, PALE, SHADES)
 

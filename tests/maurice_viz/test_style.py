@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from maurice_mcl.values.map import Arena
 from maurice_viz import style
+from maurice_viz.drawing.histogram_row import BARS
 from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels.traces import ALL_TOGETHER, MARKS
 
@@ -144,6 +145,7 @@ MEETINGS = {  # meanings that stand on one view, or on one screen
     "plots": RUNS | LINES,
     "evidence": RUNS | CHANNELS | LINES,
     "charts": RUNS | CHANNELS | OF_HISTOGRAMS,
+    **{f"histograms of runs {bars}": RUNS | {"bars": bars} for bars in BARS},  # each in a chart of its own
     "lanes": RUNS | {"lost": style.STATES["lost"], "what the log says": style.PALE},
     "drives": {"odometry": style.ODOMETRY, "truth": style.TRUTH, "truth in plots": style.BAR} | RUNS,
 }

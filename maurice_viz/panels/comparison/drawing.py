@@ -151,16 +151,16 @@ class ComparisonDrawing:
             label: [] if moment.truth is None else [moment.truth] for label, (moment, _) in steps.items()
         }
         every = list({id(truth): truth for some in truths.values() for truth in some}.values())
+        before, self._clouds_before = self._clouds_before or clouds, clouds
         _, reach_m = seen_whole([*clouds.values()], every)
-        before, self._clouds_before = self._clouds_before, clouds
-        if before and seen_whole([*clouds.values(), *before.values()], every)[1] <= GROWS * reach_m:
-            clouds = {label: np.concatenate([cloud, before[label]]) for label, cloud in clouds.items()}
+        together = _with_last([*clouds.values()], [*before.values()], every)
         for label, frame in self._frames.items():
             own = [clouds[label], *(truth[None, :2] for truth in truths[label])]
             if reach_m <= ALIKE * seen_whole(own, [])[1]:
-                frame.draw(self._rec, [*clouds.values()], every)
+                frame.draw(self._rec, together, every)
             else:
-                frame.draw(self._rec, [clouds[label]], truths[label])
+                alone = _with_last([clouds[label]], [before[label]], truths[label])
+                frame.draw(self._rec, alone, truths[label])
 
     def _draw_weighted(self, run: RunView, moment: Moment, record: StepRecord) -> None:
         self._rec.log(self._clouds[run.label], self._dots(record.weighted))
@@ -207,6 +207,13 @@ class ComparisonDrawing:
         some = by_weight(cloud.weights, DOTS_A_CLOUD)
         places = self._scale.screen(cloud.poses[some, :2] + cloud.origin)
         return row_of(rr.Points2D, positions=points_of(places))
+
+
+def _with_last(clouds: list[F64], last: list[F64], truths: Sequence[F64]) -> list[F64]:
+    """Return clouds (K, 2) with those of the step before, unless these make a close-up much larger."""
+    both = [*clouds, *last]
+    grows = seen_whole(both, truths)[1] / seen_whole(clouds, truths)[1]
+    return both if grows <= GROWS else clouds
 
 
 def by_weight(weights: F64, count: int) -> I32:
