@@ -83,10 +83,11 @@ class Place:
         return f"step {self.step}{'' if self.phase is None else f', {self.phase.name.lower()}'}"
 
 
-def open_command(source: str | Path, place: Place) -> str:
-    """Return the command that opens a recording or a saved run at a place."""
+def open_command(source: str | Path, place: Place, layout: str | None = None) -> str:
+    """Return the command that opens a recording or a saved run at a place, in a tab that is asked for."""
     phase = "" if place.phase is None else f" --phase {place.phase.name.lower()}"
-    return f"maurice-replay open {shlex.quote(str(source))} --step {place.step}{phase}"
+    tab = "" if layout is None else f" --layout {layout}"
+    return f"maurice-replay open {shlex.quote(str(source))} --step {place.step}{phase}{tab}"
 
 
 @lru_cache(maxsize=64)

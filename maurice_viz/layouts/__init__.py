@@ -11,8 +11,8 @@ drive               a drive by itself, without a filter
 # names on their own: the command line lists them without importing Rerun
 from __future__ import annotations
 
-INSIDE = "inside-a-step"
-LAYOUT_NAMES = ("story", "overview", INSIDE, "explain", "sensors", "compare", "traces")
+INSIDE, COMPARE = "inside-a-step", "compare"
+LAYOUT_NAMES = ("story", "overview", INSIDE, "explain", "sensors", COMPARE, "traces")
 LIGHT_NAMES = ("story", "traces")  # with --detail light: all of their panels are filled
 RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

@@ -24,7 +24,7 @@ from maurice_loaders.session_log.header import drive_name
 
 from ..entities import VERDICT, Phase, Place, open_command
 from ..errors import Listener, OptionError, SinkError
-from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
+from ..layouts import COMPARE, DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..scene import Detail, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name
@@ -278,10 +278,7 @@ def _place(step: int | None) -> Place | None:
 
 
 def _look_at(port: int, place: Place | None, keys: str, listener: Listener, output: OutputOptions) -> None:
-    """Move the viewer on a port to a place, if there is one; remark it, and which keys to press.
-
-    OptionError for a tab that it does not have.
-    """
+    """Move the viewer on a port to a place; remark it, and keys to press. OptionError: it has no such tab."""
     try:
         if place is not None and look_at(port, place, output.layout, output.run):
             listener.remark(f"the viewer stands at {place}")
@@ -307,7 +304,8 @@ def _remark_written(
     if step is None or output.place is not None:
         listener.remark(keys)
     else:
-        walk = open_command(path, Place(step, Phase.PREDICT)).replace("maurice-replay", command, 1)
+        tab = output.layout if output.layout == COMPARE else None  # else the tab of phases
+        walk = open_command(path, Place(step, Phase.PREDICT), tab).replace("maurice-replay", command, 1)
         listener.remark(f"walk through step {step}, phase by phase with Ctrl or Cmd + right arrow: {walk}")
 
 

@@ -320,3 +320,11 @@ def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(small_session,
     draw_saved(Path("both"), tmp_path / "both.rrd")
     there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
     assert {cloud_of("color"), TEXT, RESULT} <= there
+
+
+@pytest.mark.parametrize("layout", [(), ("--layout", "compare")])
+def test_the_command_that_walks_through_a_step_opens_the_tab_that_was_asked_for(small_session, layout):
+    _, err = maurice("compare", small_session, "--particles", "40", "-o", "two.rrd", *layout)
+    walk = " ".join(err.split()).split("walk through step")[1].split("maurice-replay")[1]
+    assert walk.startswith(" open two.rrd --step ")
+    assert ("--phase predict --layout compare" in walk) == bool(layout)
