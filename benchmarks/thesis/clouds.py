@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 TURNS, TURN_RAD = 43, float(np.pi / 4)  # as many steps as the thesis's figure 33 has
 BEGUN_M, BEGUN_RAD = 6 * INCH_M, float(np.radians(20))  # "reasonably well localized": ours
-DRIVES, RUNS_A_PLACE = 8, 3
+DRIVES, RUNS_A_PLACE = 20, 2
 AMBIGUOUS, AT = 200, 3  # particles of figure 34; the picture that it shows
 OFFSET, LARGEST = 0.33, 0.3  # of a circle from its node, and its diameter, in spacings of nodes
 
