@@ -63,6 +63,7 @@ class LimitsPanel(Panel):
             rec.log(LIMITS, scalars([lost, ABOVE * lost]))
 
 
+MOST_LESSONS = 20_000  # steps whose words get the moments of the tour at the end: memory is bounded
 AT_THE_END = "The replay runs. What happened stands here when it ends."
 
 
@@ -74,8 +75,9 @@ class VerdictDrawing:
         self._lasers = {run.label: scene.laser_of(run) for run in runs}
         self._every = EVERY if any(run.localizer is not None for run in runs) else 1
         self._words = words(runs, scene.has_truth)
-        self._lessons: dict[int, str] = {}  # of each step
+        self._lessons: dict[int, str] = {}  # of the last `MOST_LESSONS` steps
         self._times_s: dict[int, float] = {}
+        self._count = 0
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET if scene.live else AT_THE_END)
 
@@ -90,8 +92,11 @@ class VerdictDrawing:
         places = {label: place_of(*steps[label], self._scene, self._lasers.get(label)) for label in steps}
         self._times_s[step], self._lessons[step] = moment.frame.time_s, say_lesson(places, self._scale)
         self._log_pages({step: self._lessons[step]}, {})
-        count = len(self._times_s)
-        if self._scene.live and (count == 1 or count % self._every == 0):
+        self._count += 1
+        if self._count > MOST_LESSONS:
+            oldest = next(iter(self._lessons))
+            del self._lessons[oldest], self._times_s[oldest]
+        if self._scene.live and (self._count == 1 or self._count % self._every == 0):
             told = verdicts()
             self._decide(told, f"{now_line(told)}Up to step {step}: ")
 
@@ -118,7 +123,7 @@ class VerdictDrawing:
     def _decide(self, verdicts: Mapping[str, RunVerdict], so_far: str = "") -> None:
         """Log the verdict, which may be one so far."""
         step = decisive_step(verdicts)
-        look = f" Look at **step {step}.**" if len(self._times_s) > 1 else ""
+        look = f" Look at **step {step}.**" if self._count > 1 else ""
         self._log(f"{so_far}{headline(self._shortly(verdicts), self._scale)}{look}")
         failures = {
             label: [failure_json(failure, self._scale) for failure in verdict.failures]

@@ -6,6 +6,8 @@ its `ambiguity` two places that explained the pictures about as well.
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from itertools import takewhile
@@ -304,7 +306,9 @@ class VerdictBuilder:
     _sum_m: float = 0.0
     _scored: int = 0  # updates
     _converged: int = 0
-    _judged: list[tuple[int, bool]] = field(default_factory=list)  # step, and whether it was localized
+    # of the updates with truth: their steps, and whether they were localized; a few bytes each
+    _judged: array[int] = field(default_factory=lambda: array("q"))
+    _sure: bytearray = field(default_factory=bytearray)
 
     def __post_init__(self, localizer: Localizer | None, occupancy: OccupancyMap | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
@@ -325,7 +329,8 @@ class VerdictBuilder:
         score, left = episodes.score, LEFT_MAP in record.events
         self._converged += int(score.converged)
         if score.correct is not None:
-            self._judged.append((step, score.localized is True))
+            self._judged.append(step)
+            self._sure.append(score.localized is True)
         self._verdict = replace(
             verdict,
             **self._error(verdict, step, score),
@@ -352,9 +357,8 @@ class VerdictBuilder:
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
-        count, sure = max(self._verdict.updates, 1), [is_sure for _, is_sure in self._judged]
-        localized = self._verdict.localized
-        since = [is_sure for step, is_sure in self._judged if localized is not None and step >= localized]
+        count, sure, localized = max(self._verdict.updates, 1), self._sure, self._verdict.localized
+        since = b"" if localized is None else sure[bisect_left(self._judged, localized) :]
         has_truth, failures = self._verdict.end is not None, self._diagnosis.result()
         doubts = tuple((failure.episode.first, failure.episode.last) for failure in failures)
         return replace(

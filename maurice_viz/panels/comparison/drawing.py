@@ -79,7 +79,7 @@ class ComparisonDrawing:
             rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log_result(NOT_YET)
         what = f"**{'Error' if scene.has_truth else 'Spread'}**, {self._scale.units.name}"
-        lost = f"  \nlost, above {self._scale.say(runs[0].radii.lost_m)}: off the top"
+        lost = f"  \nabove {self._scale.say(runs[0].radii.lost_m)}: lost, not shown"
         unit = rr.TextDocument(f"{what}{lost if scene.has_truth else ''}", media_type=MARKDOWN)
         rec.log(entities.COMPARE_UNIT, unit, static=True)
         for run in runs:
