@@ -280,7 +280,7 @@ def _name(moment: TourMoment, several: bool) -> str:
         name = f"the cause: {moment.fact.title}" if is_known else NAMES[LOST]
     else:
         name = NAMES.get(moment.kind, "farthest off")
-    return f"`{moment.label}` {name}" if several and moment.label else name
+    return f"`{moment.label}` {name.removeprefix('it ')}" if several and moment.label else name
 
 
 def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:

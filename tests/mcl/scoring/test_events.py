@@ -94,8 +94,16 @@ def test_recovery_comes_after_loss_or_kidnapping():
     found = watch([SPREAD] * 6 + [HERE] * 5, (0, 5, 0))
     assert kinds(found)[0] == (4, "lost")
     assert "not localized yet" in found[0].text
-    searching = watch([SPREAD] * 2 + [FAR] * 4 + [HERE] * 5)
+    searching = watch([FAR] * 6 + [HERE] * 5)
     assert [kind for _, kind in kinds(searching)][-1] == "localized"
+
+
+def test_a_run_that_is_right_from_the_start_gets_lost_however_wide_its_cloud_was():
+    found = watch([SPREAD] * 2 + [FAR] * 4 + [HERE] * 5)
+    assert [kind for _, kind in kinds(found) if kind in ("lost", "recovered", "localized")] == [
+        "lost",
+        "recovered",
+    ]
 
 
 @settings(max_examples=60)
