@@ -1,7 +1,8 @@
 """What a recording holds, and what is wrong with it.
 
 * `inspection`: counts, rates and gaps of a recording, as `inspect` shows them
-* `examination`: goes through a recording and reports errors, with the options that fix them
+* `gathering`: a recording as plain arrays, also while a replay reads it
+* `examination`: goes through a recording and reports errors, with the options that fix them (`fixing`)
 * `findings`: errors as codes and numbers; `odometry`, `mast` (a camera off the robot's center), `pictures`,
-  `scans`, `plausibility`: what computes them
+  `scans`, `plausibility` (what cannot be, asked before every replay): what computes them
 """

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.motion import MauriceParameters, from_header
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.values.arrays import F64, U8, Progress
+from maurice_mcl.values.arrays import U8, Progress
 from maurice_mcl.values.geometry import path_of
-from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.library import Library
-from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
+from maurice_mcl.values.session import Moment, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import MOST
-from ..formats.registry import Format, chosen, open_recording
+from ..formats.registry import chosen, open_recording
 from ..reading.options import MADE_ODOMETRY, ReadingOptions, option_name
-from ..reading.recording import Motion, Note, OdometryPose, Picture, Scan, TruthPose
+from ..reading.recording import Picture
 from ..reading.time_alignment import offset_between
-from .findings import Evidence, Finding, RecordedDrive, RecordedOdometry, RecordedTruth
+from .findings import Evidence, Finding, RecordedDrive
+from .fixing import fixable, fixed_options, on_robot
+from .gathering import Gathered, gather
 from .odometry import comparable, compared_with_truth
 from .pictures import (
     FEWEST_PLACES,
@@ -41,79 +40,13 @@ from .pictures import (
 from .plausibility import (
     FEWEST,
     clocks_apart,
-    coarse_times,
+    implausible,
     odometry_doubts,
     time_unit,
     truth_apart,
+    without_jumps,
 )
-from .scans import MOST_SCANS, RecordedScans, examine_scans, thinned
-
-MOST_RECORDS = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
-
-
-@dataclass(slots=True, eq=False)
-class Gathered:
-    """A recording without its pictures' content."""
-
-    info: SessionInfo
-    drive: RecordedDrive
-    falls: int  # times that fall, which the reader refuses
-    skipped: int  # records that cannot be read at all
-    first_problem: str
-    cut: bool  # whether only the beginning was looked at
-    warnings: tuple[str, ...] = ()
-    tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # rad, m, of sources off the plane
-    scans: RecordedScans = field(default_factory=lambda: RecordedScans(np.zeros(0), ()))
-
-
-Row = tuple[float, F64, int]  # time, values (3,), and how often the robot was carried away before
-
-
-def gather(path: Path, options: ReadingOptions) -> Gathered:
-    """Read all but the pictures. Raises InputError if there is nothing to examine."""
-    recording = open_recording(path, options, unchecked=True)
-    info, notes = recording.info, ReadingNotes(keep_going=True)
-    kept: dict[type, list[tuple[float, F64, int]]] = {
-        Motion: [],
-        OdometryPose: [],
-        TruthPose: [],
-        Picture: [],
-    }
-    scans = list[tuple[float, LaserScan]]()
-    falls, part, last_s, cut = 0, 0, -math.inf, False
-    for record in recording.records(notes):
-        falls += record.t_s < last_s
-        last_s = record.t_s
-        if isinstance(record, Scan) and len(scans) < MOST_SCANS:
-            scans.append((record.t_s, thinned(record.scan)))
-        part += isinstance(record, Note) and is_kidnapping(record.text)
-        rows = kept.get(type(record))
-        if rows is not None:
-            values = record.motion if isinstance(record, Motion) else getattr(record, "pose", None)
-            rows.append((record.t_s, np.zeros(3) if values is None else values, part))
-            cut = len(rows) >= MOST_RECORDS
-        if cut:
-            break
-    odometry, truth = kept[Motion] or kept[OdometryPose], kept[TruthPose]
-    drive = RecordedDrive(
-        RecordedOdometry(_times(odometry), _values(odometry), odometry is kept[OdometryPose]),
-        RecordedTruth(_times(truth), _values(truth), np.array([part for _, _, part in truth], np.int32)),
-        _times(kept[Picture]),
-        max(info.arena.size_m) if info.arena else math.inf,
-        _gain(path, info),
-    )
-    first = str(notes.problems[0]) if notes.problems else ""
-    remarks = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    seen = RecordedScans(np.array([t_s for t_s, _ in scans]), tuple(scan for _, scan in scans))
-    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts, seen)
-
-
-def _times(rows: Sequence[Row]) -> F64:
-    return np.array([t_s for t_s, _, _ in rows], np.float64)
-
-
-def _values(rows: Sequence[Row]) -> F64:
-    return np.array([values for _, values, _ in rows], np.float64).reshape(-1, 3)
+from .scans import examine_scans
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -124,15 +57,6 @@ def movement_apart(drive: RecordedDrive) -> float | None:
     poses = odometry.values if odometry.poses else path_of(odometry.values)
     offset = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
     return None if offset is None else offset.offset_s
-
-
-def _gain(path: Path, info: SessionInfo) -> float:
-    if not info.motion or info.motion.get("model", "maurice") != "maurice":
-        return 1.0
-    try:
-        return from_header(MauriceParameters, info.motion).turn_gain
-    except ValueError as problem:
-        raise InputError(path, str(problem), 1) from None
 
 
 # A session's pictures, compared with a library: some of them, over the whole drive.
@@ -274,12 +198,14 @@ def examine(
     drive = gathered.drive.slowed(factor)
     if library is not None and not np.isfinite(drive.size_m):
         drive = replace(drive, size_m=max(library.arena.size_m))
-    movement_s = movement_apart(drive)
     scans = replace(gathered.scans, t_s=gathered.scans.t_s * factor)
+    doubtful = implausible(drive, scans)
+    drive = without_jumps(drive)
+    movement_s = movement_apart(drive)
     seen = drive if len(drive.picture_t_s) else replace(drive, picture_t_s=scans.t_s, sees="scans")
     clocks = clocks_apart(seen, movement_s) or truth_apart(seen)
     checks, without = ["times"], list[str]()
-    known = [*_about_reading(gathered), *coarse_times(seen), *units, *clocks]
+    known = [*_about_reading(gathered), *doubtful, *units, *clocks]
     if (made := made_odometry(gathered.info, options)) and drive.odometry.size:
         without.append(f"odometry: {made}")
     else:
@@ -308,7 +234,7 @@ def examine(
     delayed = any(finding.code in ("picture-delay", "scan-delay") for finding in known)
     form = chosen(path, options)
     clear = [finding for finding in known if not (delayed and finding.code == "truth-apart")]
-    findings = [fixable(_on_robot(finding, options), form) for finding in clear]
+    findings = [fixable(on_robot(finding, options), form, options) for finding in clear]
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     answers = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
@@ -352,40 +278,3 @@ def _about_reading(gathered: Gathered) -> list[Finding]:
         evidence = (Evidence("first-problem", {"problem": gathered.first_problem}),)
         findings.append(Finding("broken", evidence, details={"records": gathered.skipped}))
     return findings
-
-
-# From what the doctor found to the options of reading that fix it.
-
-# what was read with one factor and needs another is read with their product
-FACTORS = ("odometry_scale", "turn_scale", "turn_gain", "truth_scale", "truth_turn_scale")
-
-
-def fixable(finding: Finding, form: Format) -> Finding:
-    """Leave out of a finding the options that a format does not take."""
-    if "time_unit" in finding.options and not form.takes_unit:
-        return replace(finding, options={})
-    return finding
-
-
-def _on_robot(finding: Finding, options: ReadingOptions) -> Finding:
-    """Return a place on the robot as the options have it: from forward, not from where the camera looks."""
-    if finding.code != "truth-mast" or not options.camera_yaw_rad:
-        return finding
-    place = complex(finding.numbers["ahead_m"], finding.numbers["left_m"])
-    turned = place * np.exp(1j * options.camera_yaw_rad)
-    numbers = {"ahead_m": round(turned.real, 3), "left_m": round(turned.imag, 3)}
-    return replace(finding, numbers=numbers, options={f"truth_{name}": v for name, v in numbers.items() if v})
-
-
-def fixed_options(options: ReadingOptions, findings: Iterable[Finding]) -> ReadingOptions:
-    """Return the options with what fixes the findings, found in reading with these options."""
-    for finding in findings:
-        changed: dict[str, Any] = {}
-        for name, value in finding.options.items():
-            before = getattr(options, name)
-            if isinstance(value, str):
-                changed[name] = value
-            else:
-                changed[name] = before * value if name in FACTORS else before + value
-        options = replace(options, **changed)
-    return options

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from maurice_mcl.values import F64, I32, motions_between
+from maurice_mcl.values import F64, I32, LaserScan, motions_between
 
 DEGREE = float(np.pi / 180)
 Value = float | str
@@ -74,11 +74,39 @@ class RecordedDrive:
     turn_gain: float = 1.0  # actual over measured, as the header has it
     sees: str = "pictures"  # or "scans"
 
+    @property
+    def begin_s(self) -> float:
+        """The first time of all."""
+        times = (self.odometry.t_s, self.truth.t_s, self.picture_t_s)
+        return min((float(t_s[0]) for t_s in times if len(t_s)), default=0.0)
+
     def slowed(self, factor: float) -> RecordedDrive:
         """Return the same with all times multiplied."""
         odometry = replace(self.odometry, t_s=self.odometry.t_s * factor)
         truth = replace(self.truth, t_s=self.truth.t_s * factor)
         return replace(self, odometry=odometry, truth=truth, picture_t_s=self.picture_t_s * factor)
+
+
+BEAMS, MOST_SCANS = 180, 20_000  # that are kept: of one scan, and of a recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedScans:
+    """Scans as they were recorded, thinned to `BEAMS` beams, in order."""
+
+    t_s: F64  # (S,)
+    scans: tuple[LaserScan, ...]
+
+    @property
+    def size(self) -> int:
+        """The number of scans S."""
+        return len(self.scans)
+
+
+def thinned(scan: LaserScan) -> LaserScan:
+    """Keep every n-th beam."""
+    stride = -(-scan.size // BEAMS)
+    return replace(scan, ranges_m=scan.ranges_m[::stride].copy(), step_rad=scan.step_rad * stride)
 
 
 def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:

@@ -30,6 +30,9 @@ from ..reading.session import RecordedSession
 from ..reading.time_alignment import TimeSpan
 from ..session_log.header import Kind
 from ..session_log.reader import LogRecording, is_survey
+from .findings import Finding
+from .gathering import Gathering
+from .plausibility import implausible
 
 MOST_EVENTS = 100
 KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading", "scan")
@@ -61,6 +64,7 @@ class Inspection:
     problems: tuple[str, ...]  # the first 100, each with its line
     warnings: tuple[str, ...]
     display_units: str = "m"  # of the header, for tables; distances here are in meters
+    implausible: tuple[Finding, ...] = ()  # what cannot be, by the numbers alone
 
 
 def inspect_file(path: Path, options: ReadingOptions) -> Inspection:
@@ -118,10 +122,12 @@ class _Tally:
         self.records: Counter[str] = Counter()
         self.pictures: Counter[str] = Counter()
         self.scans: Counter[str] = Counter()
+        self._gathering = Gathering()
         self.used = 0  # pictures that are part of the drive
 
     def add(self, record: Record) -> None:
         """Take in the next record."""
+        self._gathering.add(record)
         if isinstance(record, Note):
             self._add_event(record.t_s, record.text)
         elif isinstance(record, Readings):
@@ -204,6 +210,7 @@ class _Tally:
             problems=tuple(str(problem) for problem in notes.problems),
             warnings=tuple(dict.fromkeys((*remarks, *notes.warnings))),
             display_units=info.display_units,
+            implausible=tuple(implausible(self._gathering.drive(), self._gathering.scans)),
         )
 
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
-from maurice_mcl.values import F64
+from maurice_mcl.values import F64, path_of, wrap_angle
 
+from ..reading.jumps import jumps_in
+from ..reading.options import JUMPING
 from .findings import (
     TURNS,
     Evidence,
     Finding,
     RecordedDrive,
     RecordedOdometry,
+    RecordedScans,
     Value,
     direction_finding,
     frame_finding,
@@ -143,6 +149,47 @@ def _too_fast(way: float, size_m: float) -> Finding:
     return scale_finding(scale, seen, m_s=way)
 
 
+# Single jumps of the odometry.
+
+AT_ZERO_M = 0.01  # a pose so near zero after a jump is that of odometry that began again
+
+
+def odometry_jumps(drive: RecordedDrive) -> list[Finding]:
+    """Return a finding where odometry jumps: far faster between two records than between all others."""
+    odometry, motions = drive.odometry, motions_of(drive.odometry)
+    jumps = jumps_in(odometry.t_s, motions)
+    if not len(jumps):
+        return []
+    most = int(jumps[np.hypot(motions[jumps, 0], motions[jumps, 1]).argmax()])
+    numbers = {
+        "jump_m": float(np.hypot(*motions[most, :2])),
+        "turn_deg": float(np.degrees(wrap_angle(float(motions[most, 2])))),
+        "within_s": float(odometry.t_s[most] - odometry.t_s[most - 1]),
+        "at_s": float(odometry.t_s[most]) - drive.begin_s,
+    }
+    began_again = odometry.poses and bool((np.abs(odometry.values[most]) < AT_ZERO_M).all())
+    others = np.delete(motions, jumps, axis=0)[1:]
+    passed_s = np.delete(np.diff(odometry.t_s, prepend=np.nan), jumps)[1:]
+    usual_s = float(np.median(passed_s[passed_s > 0]))
+    fastest = float((np.hypot(others[:, 0], others[:, 1]) / np.fmax(passed_s, usual_s)).max())
+    seen = Evidence("jump", {"fastest_m_s": fastest, "records": odometry.size})
+    details: dict[str, Value] = {"jumps": len(jumps), "began_again": str(began_again)}
+    return [Finding("odometry-jump", (seen,), numbers, {"odometry_are": JUMPING}, details)]
+
+
+def without_jumps(drive: RecordedDrive) -> RecordedDrive:
+    """Return a drive whose odometry stands still where it jumped."""
+    odometry, motions = drive.odometry, motions_of(drive.odometry)
+    jumps = jumps_in(odometry.t_s, motions)
+    if not len(jumps):
+        return drive
+    motions[jumps] = 0.0
+    if odometry.poses:
+        motions[0] = odometry.values[0]
+    values = path_of(motions) if odometry.poses else motions
+    return replace(drive, odometry=replace(odometry, values=values))
+
+
 # Clocks of pictures, odometry and truth that have no time in common, and what would align them.
 
 FEW = 0.2  # share of the pictures
@@ -219,3 +266,37 @@ def truth_apart(drive: RecordedDrive) -> list[Finding]:
     seen: dict[str, Value] = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
     evidence, details = (Evidence("no-truth", {**seen, "sees": drive.sees}),), {"sees": drive.sees}
     return [Finding("truth-apart", evidence, {"share": known, "age_s": late}, details=details)]
+
+
+# Ranges of the laser.
+
+CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
+
+
+def no_return_ranges(scans: RecordedScans) -> list[Finding]:
+    """Return a finding where beams that hit nothing read as a range below the laser's reach."""
+    some = scans.scans[:: max(scans.size // 500, 1)]
+    ranges = np.concatenate([np.zeros(0), *(scan.ranges_m[scan.hits] for scan in some)])
+    if not len(ranges):
+        return []
+    most = float(ranges.max())
+    share = float((ranges > most - 1e-3).mean())
+    if share < CAPPED_SHARE:
+        return []
+    seen = Evidence("capped", {"share": share, "range": most, "reach": float(scans.scans[0].max_m)})
+    return [Finding("max-range", (seen,), {"range_m": most})]
+
+
+Check = Callable[[RecordedDrive, RecordedScans], list[Finding]]
+# what numbers cannot be, whatever the drive: asked by the doctor, and before every replay, as it costs little
+PLAUSIBLE: tuple[Check, ...] = (
+    lambda drive, scans: coarse_times(drive),
+    lambda drive, scans: odometry_jumps(drive),
+    lambda drive, scans: no_return_ranges(scans),
+)
+
+
+def implausible(drive: RecordedDrive, scans: RecordedScans) -> list[Finding]:
+    """Return what cannot be, by the numbers of a drive and of its scans alone."""
+    seen = drive if len(drive.picture_t_s) else replace(drive, picture_t_s=scans.t_s, sees="scans")
+    return [finding for check in PLAUSIBLE for finding in check(seen, scans)]

@@ -20,10 +20,9 @@ from maurice_mcl.sensor.laser.reading import LEAST_HITS, read_scan
 from maurice_mcl.sensor.laser.sensor import laser_of
 from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, rotated, wrap_angle
 
-from .findings import Evidence, Finding, RecordedDrive, motions_of
+from .findings import Evidence, Finding, RecordedDrive, RecordedScans, motions_of
 
 LEAST_USED = 0.5  # share of the scans
-BEAMS, MOST_SCANS = 180, 20_000  # that are kept: of one scan, and of a recording
 PAIRS, LATE_PAIRS = 60, 120  # of scans, spread over the drive: for the mount, and for the clock
 WAY_M, TURN_RAD = (0.3, 1.2), (0.25, 0.9)  # between the two of a pair
 FARTHEST_M = 300.0  # no planar laser sees farther
@@ -39,7 +38,6 @@ BODY_SHARE, BODY_BEAMS = (
     0.6,
     0.02,
 )  # ... in this share of the headings is the robot's own; of all beams, least
-CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
 SCALES = (0.1, 0.5, 0.8, 1.25, 2.0, 10.0)  # of a map, that are tried
@@ -50,25 +48,6 @@ PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1
 
 
 C128 = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedScans:
-    """Scans as they were recorded, thinned to `BEAMS` beams, in order."""
-
-    t_s: F64  # (S,)
-    scans: tuple[LaserScan, ...]
-
-    @property
-    def size(self) -> int:
-        """The number of scans S."""
-        return len(self.scans)
-
-
-def thinned(scan: LaserScan) -> LaserScan:
-    """Keep every n-th beam."""
-    stride = -(-scan.size // BEAMS)
-    return replace(scan, ranges_m=scan.ranges_m[::stride].copy(), step_rad=scan.step_rad * stride)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +64,7 @@ def examine_scans(
     scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap | None, near_s: float
 ) -> tuple[list[Finding], list[str]]:
     """Return what is wrong with scans, and what could be asked; pictures take scans within `near_s`."""
-    findings, checks = [*_truth_is_odometry(drive), *_capped(scans)], [f"{scans.size} scans"]
+    findings, checks = _truth_is_odometry(drive), [f"{scans.size} scans"]
     findings += _unused(scans, drive, near_s)
     paths = [path for path in (_truth_path(drive), _odometry_path(drive)) if path is not None]
     for body in _own_body(scans, *paths[0]) if paths else ():
@@ -304,19 +283,6 @@ def _truth_is_odometry(drive: RecordedDrive) -> list[Finding]:
     return [Finding("odometry-is-truth", (seen,))]
 
 
-def _capped(scans: RecordedScans) -> list[Finding]:
-    """Return a finding where beams that hit nothing read as a range below the laser's reach."""
-    ranges = np.concatenate([scan.ranges_m[scan.hits] for scan in scans.scans[:: max(scans.size // 500, 1)]])
-    if not len(ranges):
-        return []
-    most = float(ranges.max())
-    share = float((ranges > most - 1e-3).mean())
-    if share < CAPPED_SHARE:
-        return []
-    seen = Evidence("capped", {"share": share, "range": most, "reach": float(scans.scans[0].max_m)})
-    return [Finding("max-range", (seen,), {"range_m": most})]
-
-
 def _about_map(
     scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None, *, mirrored: bool
 ) -> tuple[list[Finding], str]:
@@ -341,7 +307,8 @@ def _about_map(
     seen = Evidence("fit-anywhere", {"scans": len(some), "off": own, "chance": chance})
     scaled = {scale: _best_fits(some, _scaled(occupancy, scale), signs[0]).off for scale in SCALES}
     scale = min(scaled, key=lambda name: scaled[name])
-    if scaled[scale] < CHANCE * own:
+    by_luck = _best_fits(some, _scaled(occupancy, scale), signs[1]).off
+    if scaled[scale] < CHANCE * min(own, by_luck):
         cells = {"scale": scale, "cell_m": occupancy.cell_m * scale}
         return [Finding("map-scale", (seen,), cells)], check
     height_m, width_m = (side * occupancy.cell_m for side in occupancy.cells.shape)

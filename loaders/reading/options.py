@@ -23,7 +23,8 @@ from .plane import PLANES
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
-MOTIONS_ARE = ("poses", "steps")  # what numbers may hold that a format reports as motions
+JUMPING = "jumping"
+MOTIONS_ARE = ("poses", "steps", JUMPING)  # what odometry may hold: the first two where motions are expected
 TABLE = "reading"  # of the TOML file
 MADE_ODOMETRY = ("odometry_from_truth", "odometry_from_pictures")  # options that make odometry
 
@@ -108,7 +109,9 @@ class ReadingOptions:
     odometry_are: Annotated[
         Text,
         Meaning(
-            "What the odometry's motions hold: poses, or steps along fixed axes.", "correction", MOTIONS_ARE
+            "What odometry holds: poses or steps along fixed axes for motions, or jumps, which are left out.",
+            "correction",
+            MOTIONS_ARE,
         ),
     ] = None
     truth_scale: Annotated[float, Meaning("Factor for lengths of the truth.", "correction")] = 1.0

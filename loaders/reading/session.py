@@ -107,13 +107,14 @@ class RecordedSession(HasReadingNotes):
             step += 1
             yield updates.moment(update, step, image)
 
-    def overview(self) -> tuple[int, bool]:
+    def overview(self, watch: Callable[[Record], None] | None = None) -> tuple[int, bool]:
         """Count the moments, and tell whether any truth is there; decodes no picture.
 
-        A short drive without pictures is kept, so that it is read once.
+        `watch` is given every record that passes. A short drive without pictures is kept, so that it is
+        read once.
         """
         notes, moments, count = ReadingNotes(self.options.keep_going), list[Moment](), 0
-        most, updates = 0 if self.observed.pictures else MOST_KEPT, _Updates(self, notes)
+        most, updates = 0 if self.observed.pictures else MOST_KEPT, _Updates(self, notes, watch)
         for count, update in enumerate(updates, start=1):
             updates.used(update)
             if count <= most:
@@ -202,8 +203,11 @@ def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> 
 
 
 class _Updates:
-    def __init__(self, session: RecordedSession, notes: ReadingNotes) -> None:
+    def __init__(
+        self, session: RecordedSession, notes: ReadingNotes, watch: Callable[[Record], None] | None = None
+    ) -> None:
         self.truths = 0  # seen so far
+        self._watch = watch
         self._session = session
         self._notes = notes
         self._gate = session.gate
@@ -268,6 +272,8 @@ class _Updates:
     def _seen(self) -> Iterator[Record]:
         for record in checked(self._session.recording, self._notes):
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            if self._watch is not None:
+                self._watch(record)
             if self._live and isinstance(record, Note) and SKIPPED_AT.fullmatch(record.text):
                 continue
             self.truths += isinstance(record, TruthPose)

@@ -17,8 +17,9 @@ from maurice_mcl.values.randomness import Domain, stream
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, ReadingNotes
+from .jumps import jumps_of
 from .observations import Gate
-from .options import MOTIONS_ARE, ReadingOptions
+from .options import JUMPING, MOTIONS_ARE, ReadingOptions
 from .recording import (
     LeftOut,
     Motion,
@@ -156,11 +157,16 @@ class Corrected(RecordingWrapper):
             for number, (offset_s, kinds) in enumerate(_clocks(self.correction))
         ]
         wheels = _Wheels(self.correction, self.path)
+        jumps = jumps_of(self.measured, self.correction)
+        number = 0  # of records of odometry so far
         for record in heapq.merge(*clocks, key=lambda record: record.t_s):
             if isinstance(record, Motion):
-                yield replace(record, motion=wheels.motion(record.motion))
+                motion = np.zeros(3) if number in jumps else record.motion
+                number += 1
+                yield replace(record, motion=wheels.motion(motion))
             elif isinstance(record, OdometryPose):
-                yield OdometryPose(record.t_s, wheels.pose(record.pose))
+                yield OdometryPose(record.t_s, wheels.pose(record.pose, is_jump=number in jumps))
+                number += 1
             elif isinstance(record, TruthPose):
                 yield TruthPose(record.t_s, self._truth(record.pose))
             elif isinstance(record, Scan):
@@ -251,17 +257,17 @@ class _Wheels:
         forward, left = rotated(forward, left, -self._ahead_rad)
         return np.array([forward, left, turn * self._gain])
 
-    def pose(self, values: F64) -> F64:
+    def pose(self, values: F64, *, is_jump: bool = False) -> F64:
         if self._are == "steps":
             fault = "found odometry that is poses, and --reading odometry_are=steps is for motions"
             raise InputError(self._path, f"{fault}; leave it out")
         pose: F64 = values * self._units + [0.0, 0.0, self._ahead_rad]
-        if self._gain == 1:
+        if self._gain == 1 and self._are != JUMPING:
             return pose
         before, self._before = self._before, pose
         if before is None:
             self._at = pose
-        else:
+        elif not is_jump:
             self._at = compose(self._at, motion_between(before, pose) * [1.0, 1.0, self._gain])
         return self._at
 

@@ -281,7 +281,7 @@ def _sessions_playback(
         opening.make_runs(session, references, [labelled], listener)[0]
         for session, labelled in zip(sessions, named, strict=True)
     ]
-    overviews = [session.overview() for session in sessions]
+    overviews = [opening.overview_of(session, listener) for session in sessions]
     drives = [str(path.resolve()) if path.is_dir() else hash_file(path) for path in paths]
     info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
     shortest = min(pictures for pictures, _ in overviews)

@@ -7,12 +7,16 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from maurice_loaders.doctor.gathering import Gathering
+from maurice_loaders.doctor.plausibility import implausible
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.paths import A_RUN
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
-from maurice_loaders.formats.registry import unlike
+from maurice_loaders.formats.registry import open_recording, unlike
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Recording, checked
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import Failure, title_of
 from maurice_mcl.reasons.verdict import RunVerdict
@@ -23,10 +27,14 @@ from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure, say_remedy
+from ..text.findings import brief
 from ..text.summary import failure_json
 from ..text.tour import headline
 from ..text.verdict import off_map, say_verdict
 from .replay import replay
+
+if TYPE_CHECKING:
+    from maurice_loaders.runs.store import SavedRun
 
 NEVER_LOST = "No failure: it was never lost."
 IN_TIME = "No failure: it was localized again in time."
@@ -111,18 +119,21 @@ class Diagnoses:
 
     name: str  # of the session
     runs: tuple[RunDiagnosis, ...]
+    recording: tuple[str, ...] = ()  # what is wrong with its numbers, asked before any filter is blamed
 
     @property
     def text(self) -> str:
-        """All of it in lines, runs separated by blank lines."""
-        return "\n\n".join(run.text for run in self.runs)
+        """All of it in lines, runs separated by blank lines; what is wrong with the recording first."""
+        doubts = "\n".join(f"The recording: {text}" for text in self.recording)
+        return "\n\n".join([*([doubts] if doubts else []), *(run.text for run in self.runs)])
 
     def __str__(self) -> str:
         return self.text
 
     def to_json(self) -> dict[str, Any]:
-        """Return `{"session": ..., "runs": [...]}`."""
-        return {"session": self.name, "runs": [run.to_json() for run in self.runs]}
+        """Return `{"session": ..., "recording": [...], "runs": [...]}`."""
+        runs = [run.to_json() for run in self.runs]
+        return {"session": self.name, "recording": list(self.recording), "runs": runs}
 
 
 def diagnose(
@@ -182,7 +193,34 @@ def diagnose(
             )
             for run in scores.runs
         ),
+        _doubts(source, reading or ReadingOptions()),
     )
+
+
+def _doubts(source: Path, reading: ReadingOptions) -> tuple[str, ...]:
+    """Return what is wrong with a recording, by its numbers alone; nothing of one that is gone."""
+    from maurice_loaders.runs.store import open_runs  # loads polars
+
+    try:
+        if is_saved(source):
+            recording = _recording_of(open_runs(source)[0])
+        else:
+            recording = open_recording(source, reading)
+        gathering = Gathering()
+        for record in checked(recording, ReadingNotes(keep_going=True)):
+            gathering.add(record)
+    except InputError:
+        return ()
+    return tuple(map(brief, implausible(gathering.drive(), gathering.scans)))
+
+
+def _recording_of(run: SavedRun) -> Recording:
+    """Open what a run was made from, as it was read then. InputError when it is gone or was changed."""
+    from ..running.saved import recording_path, session_of
+
+    if run.manifest.recorded:
+        return open_recording(recording_path(run), run.manifest.reading)
+    return session_of(run).recording
 
 
 def _recorded(source: Path) -> set[str]:

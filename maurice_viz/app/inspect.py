@@ -29,6 +29,7 @@ from ..running.open import library_at, library_of
 from ..running.saved_steps import Pictures, Restored, restored_together
 from ..style import Scale, units_named
 from ..text.causes import with_failures
+from ..text.findings import brief
 from .library_check import say_default
 
 
@@ -65,7 +66,9 @@ class InspectedRecording:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        return {"format": self.format} | asdict(self.contents)
+        contents = asdict(replace(self.contents, implausible=()))
+        del contents["implausible"]  # told among the warnings
+        return {"format": self.format} | contents
 
 
 def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> InspectedRecording:
@@ -81,7 +84,8 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
     """
     path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
     form, contents = chosen(path, options), inspect_file(path, options)
-    warnings, has_map = (*_about_places(path, contents), *contents.warnings), contents.has_map
+    doubts = [brief(finding) for finding in contents.implausible]
+    warnings, has_map = (*doubts, *_about_places(path, contents), *contents.warnings), contents.has_map
     if contents.scans and not has_map:
         try:
             has_map = library_of(open_any(path, options), None) == path
@@ -138,8 +142,9 @@ def _library(
     session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
 ) -> Library | None:
     """Open the library that was asked for; else the header's or the bag's map, if it is there."""
+    opened = None if library else open_any(session, options)
     try:
-        path = Path(library) if library else library_of(open_any(session, options), None)
+        path = Path(library) if library else None if opened is None else library_of(opened, None)
     except InputError as problem:  # its own map is of no use, but all else can be looked at
         listener.warning(problem.message)
         return None

@@ -39,7 +39,7 @@ from ..running.open import (
     remark_open,
     remark_skipped,
 )
-from ..text.findings import say_drive
+from ..text.library import say_drive
 from .library_check import say_default, say_scales
 
 

@@ -26,7 +26,7 @@ from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import library_at, open_session
 from ..style import scale_for
-from ..text.findings import say_places
+from ..text.library import say_places
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 

@@ -178,7 +178,7 @@ def replay_session(
         written = show_alone(opened, output.named(["drive"]), listener)
         info = opened.info
         return RunScores((), info.name, info.display_units, tuple(info.notes), written)
-    overview = opened.overview()
+    overview = opening.overview_of(opened, listener)
     if not overview[0]:
         shown = "a replay into a recording, without options of the filter, shows the drive"
         hint = shown if place is None else "`inspect` lists what it holds"

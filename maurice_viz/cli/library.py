@@ -22,7 +22,7 @@ from ..app.library_check import LibraryCheck, check_library
 from ..running.open import library_at
 from ..style import Scale, scale_for, units_named
 from ..text.explanation import SHARES, say_times
-from ..text.findings import drive_score_of, say_drive, say_places, scores_of
+from ..text.library import drive_score_of, say_drive, say_places, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option

@@ -13,7 +13,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from maurice_loaders.doctor.examination import Examination, fixed_options, odometry_advice
+from maurice_loaders.doctor.examination import Examination, odometry_advice
+from maurice_loaders.doctor.fixing import fixed_options
 from maurice_loaders.doctor.inspection import Inspection
 from maurice_loaders.files.ros_maps import ENDINGS
 from maurice_loaders.runs.manifest import is_saved

@@ -22,7 +22,7 @@ from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive, s
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.values import F64, Library
 
-from ..text.findings import say_drive
+from ..text.library import say_drive
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
 SAME_POSE = 2e-3  # meters and radians between a picture and the reference that it became

@@ -12,6 +12,8 @@ import numpy as np
 
 from maurice_loaders.bags.containers import looks_like_bag
 from maurice_loaders.config_files import motion_file, to_toml
+from maurice_loaders.doctor.gathering import Gathering
+from maurice_loaders.doctor.plausibility import implausible
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.paths import look_again
 from maurice_loaders.formats.registry import chosen
@@ -32,7 +34,8 @@ from ..entities import RESERVED
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
-from ..text.findings import say_places
+from ..text.findings import brief
+from ..text.library import say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec, Start
 
@@ -140,6 +143,15 @@ def open_session(
     for text in session.opening_remarks:
         listener.remark(text)
     return session
+
+
+def overview_of(session: RecordedSession, listener: Listener) -> tuple[int, bool]:
+    """Return the overview of a session, and warn of numbers that cannot be. InputError as reading."""
+    gathering = Gathering()
+    overview = session.overview(gathering.add)
+    for finding in implausible(gathering.drive(), gathering.scans):
+        listener.warning(f"{session.path}: {brief(finding)}")
+    return overview
 
 
 def library_of(session: RecordedSession, asked: Path | Library | None) -> Path | Library | None:

@@ -58,13 +58,14 @@ def session_of(run: SavedRun) -> RecordedSession:
     if run.manifest.recorded:
         what = "is another localizer's run, as recorded: its filter is not here, so it cannot be run again"
         raise InputError(run.folder, f"{what}; replay the recording with a filter of ours")
-    reading, path = run.manifest.reading, _recording_of(run)
+    reading, path = run.manifest.reading, recording_path(run)
     table = run.manifest.table
     table_path = None if table is None else unchanged(table, run.folder, "table")
     return open_session(path, replace(reading, table=table_path, keep_going=run.manifest.keep_going))
 
 
-def _recording_of(run: SavedRun) -> Path:
+def recording_path(run: SavedRun) -> Path:
+    """Return the recording that a run was made from. InputError when it is gone or was changed."""
     reading = run.manifest.reading
     return unchanged(
         run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
@@ -74,7 +75,7 @@ def _recording_of(run: SavedRun) -> Path:
 def frames_of(run: SavedRun) -> RecordedFrames:
     """Open what a bag holds beside a recorded localizer's run. InputError when it is gone or was changed."""
     reading = replace(run.manifest.reading, keep_going=run.manifest.keep_going)
-    return RecordedFrames(open_recorded(_recording_of(run), reading))
+    return RecordedFrames(open_recorded(recording_path(run), reading))
 
 
 def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:

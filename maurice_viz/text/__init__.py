@@ -14,5 +14,6 @@ explanation        why the best reference wins, in sentences
 explanation_table  the figures of all references as Markdown and as JSON
 sensors            what pose sensors read
 summary            the scores of runs as a table and as JSON, how several differ, and the names of trials
-findings           what is wrong with a recording, or with a library, the evidence, and how to fix it
+findings           what is wrong with a recording, the evidence, and how to fix it
+library            what its own pictures say about a library, and those of a drive through it
 """

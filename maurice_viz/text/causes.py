@@ -29,6 +29,9 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "source": "the source told of",
     "moved_m": "the truth moved",
     "driven_m": "odometry says",
+    "jump_m": "odometry jumped",
+    "within_s": "between two updates, in",
+    "usual_speed": "otherwise odometry goes at most at (m/s)",
     "gap_s": "time without a record",
     "usual_s": "usual time between pictures",
     "tilt_deg": "tilt out of the plane (deg)",
@@ -132,7 +135,9 @@ def say_failure(failure: Failure, scale: Scale) -> str:
 
 
 def say_remedy(failure: Failure, has_laser: bool) -> str:
-    """Return what the owner of a robot with a laser can do, by AMCL's names; empty where nothing is known."""
+    """Return what the robot's owner can do, with a laser by AMCL's names; empty where nothing is known."""
+    if "jump_m" in failure.evidence:
+        return "--reading odometry_are=jumping, which leaves the jump out; doctor shows when it was"
     return laser_causes.REMEDIES.get(failure.kind, "") if has_laser else ""
 
 
@@ -195,6 +200,10 @@ def _out_of_plane(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "jump_m" in e:
+        moved = f", the robot moved {scale.say(e['moved_m'])}" if "moved_m" in e else ""
+        jumped = f"odometry jumped {scale.say(e['jump_m'])} in {e['within_s']:.2g} s at step {failure.first}"
+        return f"{jumped}{moved}: it was set anew, or its counter overflowed"
     floor = f" on {e['floor']}" if "floor" in e else ""
     several = f"in {e['movements']} movements" if e["movements"] > 1 else ""
     how = " ".join(part for part in (f"{e['sd']:.1f} sigma of its {e['axis']}", several) if part)
@@ -331,6 +340,8 @@ def say_incident(incident: Incident, scale: Scale) -> str:
     expected, actual = scale.say(incident.expected or 0.0), scale.say(incident.actual or 0.0)
     if incident.kind == kinds.SLIPPED:
         return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
+    if incident.kind == kinds.LEAPT:
+        return f"Odometry jumped at {at}: by {expected}, the robot moved {actual}"
     if incident.kind == kinds.OVERSTATED:
         return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
     if incident.kind == kinds.JUMPED:

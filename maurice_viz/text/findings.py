@@ -1,14 +1,14 @@
-"""What is wrong with a recording or a library, in words: the evidence, and how to fix it."""
+"""What is wrong with a recording, in words: the evidence, and how to fix it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from maurice_loaders.doctor.findings import Finding
-from maurice_mcl.library.left_out import PlaceScore
-from maurice_mcl.library.quality import DriveScore
+from maurice_loaders.doctor.fixing import fixed_options
+from maurice_loaders.reading.options import ReadingOptions
 
 from ..style import Units, units_named
 
@@ -36,6 +36,12 @@ def fix_for(finding: Finding) -> str:
         return f"{IN_LOG}multiply the turn (heading) by {TURNS[finding.code][1]}"
     values: Values = {**finding.numbers, **finding.details}
     return _filled(FIX[finding.code], values)
+
+
+def brief(finding: Finding) -> str:
+    """Return in one line what is wrong and how to fix it, by options where there are some."""
+    options = " ".join(fixed_options(ReadingOptions(), [finding]).corrections)
+    return f"{describe(finding)} [{finding.code}]; fix: {options or fix_for(finding)}"
 
 
 def _filled(text: Text, values: Values) -> str:
@@ -89,7 +95,16 @@ def _place(values: Values) -> str:
     return " and ".join(parts)
 
 
+def _jump(v: Values) -> str:
+    turned = f" and turns by {v['turn_deg']:+.0f} deg" if abs(v["turn_deg"]) >= 30 else ""
+    more = f", its longest jump of {v['jumps']}" if v["jumps"] > 1 else ""
+    again = ", back to zero: it began again there" if v["began_again"] == "True" else ""
+    jump = f"odometry jumps {v['jump_m']:.3g} m{turned} in {v['within_s']:.2g} s"
+    return f"{jump}, at {v['at_s']:.1f} s of the drive{again}{more}"
+
+
 WHAT: Mapping[str, Text] = {
+    "odometry-jump": _jump,
     "out-of-plane": "the motion leaves the plane: pitch, roll or height, which no pose in the plane has",
     "times-fall": "times fall {falls} times",
     "times-coarse": "many records have one time: {records} of the {name} at {times} different times",
@@ -158,6 +173,10 @@ _BY = {
 }
 
 FIX: Mapping[str, Text] = {
+    "odometry-jump": (
+        "start the odometry before the recording, and never again in it; the option takes the robot to stand "
+        "still during a jump"
+    ),
     "out-of-plane": (
         "use a part of the drive that is level; --reading plane=... if the motion is in another plane"
     ),
@@ -247,6 +266,9 @@ def _speed(v: Values, speed_m_s: float) -> str:
 
 
 EVIDENCE: Mapping[str, Text] = {
+    "jump": lambda v: (
+        f"between all other of the {v['records']} records it goes at most at {_speed(v, v['fastest_m_s'])}"
+    ),
     "off-plane": lambda v: (
         f"{v['name']}: one pose in twenty is tilted by more than {v['tilt_deg']:.0f} deg from the mean; "
         f"nine in ten are within {_length(v, v['height_m'])} of height"
@@ -309,68 +331,3 @@ EVIDENCE: Mapping[str, Text] = {
         f"so it is {_speed(v, v['then_m_s'])}"
     ),
 }
-
-
-# What a library's own pictures say about it, and those of a drive through it.
-
-WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
-ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"
-
-
-def scores_of(score: PlaceScore) -> str:
-    """Return what a picture tells of its place, and the pictures and places that this is computed from."""
-    if not score.pictures:
-        return f"no two of {score.places} places see each other, so none can be left out"
-    of = f"{score.pictures} pictures of {score.places} places, each place left out in turn"
-    times = f"{math.exp(score.score - score.blind):.2g} times as likely as knowing nothing does"
-    logs = f"log score {score.score:.2f} against {score.blind:.2f}"
-    return f"a picture makes its place {times} ({logs}); {of}"
-
-
-def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> Iterator[str]:
-    """Yield what the user of a library should know before its first run; nothing if there is no problem."""
-    if score is None:
-        return
-    by = ", ".join(channels)
-    if score.worse_than_nothing:
-        yield f"{name}: {WORSE} ({by}: {scores_of(score)}); {ADVICE}"
-    if score.stretched:
-        fitted = ", ".join(f"{channel} x {factor:g}" for channel, factor in score.stretched.items())
-        keep = "--set sensor.widening=1 keeps the defaults"
-        yield f"{name}: scales fitted on its own pictures, as multiples of the defaults: {fitted}; {keep}"
-    if score.widening != 1:
-        why = "" if score.worse_than_nothing else f", as {score.places} places do not confirm them"
-        keep = "--set sensor.widening=1 keeps the fitted ones"
-        yield f"{name}: the scales of {by} are widened by {score.widening:g}{why}; {keep}"
-
-
-def drive_score_of(score: DriveScore) -> str:
-    """Return what a drive's pictures add at their true poses: "... 1.7 times as likely ... (16 pictures)"."""
-    if not score.pictures:
-        return "none of its pictures has a true pose in the library's free space"
-    times = f"{math.exp(score.gain):.2g} times as likely as knowing the place roughly does"
-    return f"a picture makes the true pose {times} ({score.pictures} pictures)"
-
-
-def say_drive(
-    name: str, channels: Iterable[str], score: DriveScore, *, changed: bool = False
-) -> Iterator[str]:
-    """Yield what the user of a library should know about a drive through it; nothing if they agree."""
-    if score.widening == 1 and not score.is_bad:
-        return
-    by = ", ".join(channels)
-    if score.is_bad:
-        worth = "are worse than none" if max(score.gain, score.far_gain) < 0 else "add next to nothing"
-        text = f"{name}: the drive's pictures {worth} at their true poses ({by}: {drive_score_of(score)})"
-    else:
-        times = f"{math.exp(score.far_gain):.2g} times as likely as other places"
-        text = (
-            f"{name}: the drive's pictures tell the place (the true one is {times}), but are too sure near it"
-        )
-        text += f" ({by}: {drive_score_of(score)})"
-    if not changed:
-        yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
-        return
-    keep = "--set sensor.widening=1 keeps them"
-    how = "" if score.tells else ", so that the camera counts for little"
-    yield f"{text}; the scales are widened by {score.widening:g}{how}; {keep}"

@@ -8,7 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, UNKNOWN, Failure, Incident
+from maurice_mcl.reasons.causes import (
+    CARRIED,
+    DARK,
+    JUMPED,
+    LEAPT,
+    OVERSTATED,
+    SLIPPED,
+    UNKNOWN,
+    Failure,
+    Incident,
+)
 from maurice_mcl.reasons.tour import BACK, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
 from maurice_mcl.reasons.verdict import (
     Ambiguity,
@@ -198,6 +208,7 @@ LOOKS = {
     CARRIED: "The white disk jumps; the dots do not: odometry did not feel it.",
     JUMPED: "The white disk jumps; the dots do not: odometry did not feel it.",
     SLIPPED: WENT_ON,
+    LEAPT: "The dots jump with odometry; the white disk does not.",
     OVERSTATED: WENT_ON,
     DARK: "The camera is dark: its picture fits no place more than others.",
 }

@@ -68,6 +68,7 @@ CAUSES: Mapping[str, CauseKind] = {
 CARRIED = "carried"  # the log says so: expected None, actual meters
 JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters
 SLIPPED = "slipped"  # odometry went on while the robot did not: expected and actual meters
+LEAPT = "leapt"  # odometry jumped, far faster than it ever went: expected (by odometry) and actual meters
 OVERSTATED = "overstated"  # the same where odometry is made from pictures: no wheel slipped
 TURNED = "turned"  # the log tells of a slip: its words
 DARK = "dark"  # pictures darker than any before: expected and actual mean gray level, 0 to 255
@@ -88,6 +89,7 @@ INCIDENTS: Mapping[str, IncidentKind] = {
     CARRIED: IncidentKind(KIDNAPPED, "kidnapped", is_loud=True),
     JUMPED: IncidentKind(KIDNAPPED, "the truth jumps", is_loud=True),
     SLIPPED: IncidentKind(MOTION, "the wheels slip", is_loud=True, shows_at_end=True),
+    LEAPT: IncidentKind(MOTION, "odometry jumps", is_loud=True),
     OVERSTATED: IncidentKind(MOTION, "odometry too long", shows_at_end=True),
     TURNED: IncidentKind(MOTION, "the wheels slip"),
     DARK: IncidentKind(LIGHTING, "lights out", is_loud=True),
@@ -143,6 +145,7 @@ class Failure:
 
 # Incidents: what befell the robot or its camera during a drive.
 
+FAR_FASTER, FASTER_AFTER = 4.0, 5  # times as fast as odometry ever was; updates that tell how fast that is
 SLIP_SHARE = 0.5  # of the longer distance that truth and odometry must differ by
 DARKER_SHARE = 2 / 3  # of the gray level of the darkest picture before, and of the darkest reference
 DARK_UPDATES = 3  # in a row, unless the log tells of another light
@@ -182,6 +185,9 @@ class IncidentFinder:
     too_long: str = SLIPPED  # what a movement is called that odometry says is much longer than it was
     levels: F64 | None = None  # (L, 3) of the references; None: not known how dark a view may be
     _truth: F64 | None = None  # of the update before
+    _time_s: float = float("nan")  # of the update before
+    _fastest_m_s: float = 0.0  # of odometry, jumps apart
+    _moved: int = 0  # updates before which odometry moved
     _gray: list[float] = field(default_factory=list)  # of the last pictures before it got dark
     _scatter: list[float] = field(default_factory=list)  # of the references' likelihoods, of the same
     _least: float = np.inf  # gray level of the darkest of all these
@@ -206,7 +212,9 @@ class IncidentFinder:
             self._add(Incident(CARRIED, step, step, None, moved_m))
         elif moved_m is not None:
             slip_m = 0.0 if len(turns) < len(slips) else radii.confidence_m / 2
-            self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m)
+            leapt = self._leaps(driven(moment.frame.motions), moment.frame.time_s)
+            self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m, leapt=leapt)
+        self._time_s = moment.frame.time_s
         for kind, texts in ((TURNED, turns), (LIGHTS, moment.told("lights"))):
             if texts:
                 self._add(Incident(kind, step, step, words=texts[0]))
@@ -214,9 +222,23 @@ class IncidentFinder:
     def _add(self, incident: Incident) -> None:
         self.incidents = (*self.incidents, incident)
 
-    def _compare(self, step: int, motions: F64, moved_m: float, slip_m: float, jump_m: float) -> None:
+    def _leaps(self, driven_m: float, time_s: float) -> bool:
+        """Return whether odometry is far faster than it ever was."""
+        passed_s = time_s - self._time_s
+        speed = driven_m / passed_s if passed_s > 0 else 0.0
+        if self._moved >= FASTER_AFTER and speed > FAR_FASTER * self._fastest_m_s:
+            return True
+        self._fastest_m_s, self._moved = max(self._fastest_m_s, speed), self._moved + (speed > 0)
+        return False
+
+    def _compare(
+        self, step: int, motions: F64, moved_m: float, slip_m: float, jump_m: float, *, leapt: bool
+    ) -> None:
         """Compare how far the robot moved with what odometry says."""
         driven_m = driven(motions)
+        if leapt and driven_m - moved_m > jump_m:
+            self._add(Incident(LEAPT, step, step, driven_m, moved_m))
+            return
         if moved_m - driven_m > jump_m:
             self._add(Incident(JUMPED, step, step, driven_m, moved_m))
         if driven_m - moved_m <= max(slip_m, SLIP_SHARE * driven_m):

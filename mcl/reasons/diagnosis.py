@@ -35,6 +35,7 @@ from .drive_rules import (
     carried,
     gap_in_log,
     no_particle,
+    odometry_jumps,
     off_map,
     out_of_plane,
     slipped_as_told,
@@ -58,6 +59,7 @@ from .suspicion import scan_doubts, suspected
 RULES: tuple[Callable[[Story], Failure | None], ...] = (
     gap_in_log,
     stuck_pictures,
+    odometry_jumps,
     carried,
     off_map,
     out_of_plane,

@@ -11,6 +11,8 @@ from .causes import (
     AWAY,
     CLOCK,
     DATA,
+    FAR_FASTER,
+    FASTER_AFTER,
     KIDNAPPED,
     LEFT_MAP,
     MOTION,
@@ -25,6 +27,7 @@ from .evidence import Story, UpdateEvidence
 
 LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a robot is carried in less
 SPEEDING, VERY_SPEEDING = 1.0, 4.0  # times the usual speed: the robot did not drive that far by itself
+USUAL_PERCENT = 95  # of the speeds of odometry: the highest may be further jumps
 STUCK_PICTURES = 3  # equal ones in a row
 BEYOND_SD = 4.5  # standard deviations of the motion model, of one movement
 LOGGED_SD = 2.5  # where the log tells that the wheels slipped
@@ -76,6 +79,20 @@ def stuck_pictures(story: Story) -> Failure | None:
     if len(stuck) < STUCK_PICTURES or not before:
         return None
     return story.failure(DATA, before[0].step, equal_pictures=len(stuck), last=stuck[-1].step)
+
+
+def odometry_jumps(story: Story) -> Failure | None:
+    """Odometry jumped: it was far faster than it ever was, and the robot did not follow."""
+    for update in story.where(story.window, lambda u: u.driven_m - (u.moved_m or 0.0) > u.lost_m):
+        others = [u.driven_m / u.after_s for u in story.updates if u is not update and u.after_s]
+        usual_m_s = (
+            float(np.percentile(others, USUAL_PERCENT)) if len(others) > FASTER_AFTER else float("inf")
+        )
+        if update.driven_m > FAR_FASTER * usual_m_s * (update.after_s or 0.0):
+            moved = {} if update.moved_m is None else {"moved_m": update.moved_m}
+            jump = {"jump_m": update.driven_m, "within_s": update.after_s or 0.0}
+            return story.failure(MOTION, update.step, **jump, usual_speed=usual_m_s, **moved)
+    return None
 
 
 # What befell the robot.

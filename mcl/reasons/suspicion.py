@@ -25,6 +25,7 @@ from .drive_rules import (
     cloud_left,
     gap_before,
     has_left,
+    odometry_jumps,
     stuck_pictures,
     too_slow,
     weights_vanish,
@@ -115,7 +116,7 @@ def _cause(story: Story, around: Surroundings | None) -> Failure:
             return cloud_left(story, [update])
         if story.waited(update) >= VERY_LONG_GAP:
             return gap_before(story, update)
-    if (failure := too_slow(story, since)) is not None:
+    if (failure := odometry_jumps(story) or too_slow(story, since)) is not None:
         return failure
     if updates[lost].scan_here is not None:
         return _by_scans(story)

@@ -265,9 +265,7 @@ def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | No
     quality = record.sighting.comparison.quality
     known = bool(record.sighting.comparison.channels) and None not in fits
     return Ambiguity(
-        step,
-        step,
-        step,
+        *(step, step, step),
         (first.mass, second.mass),
         apart_m,
         truth_in,

@@ -34,7 +34,14 @@ from maurice_mcl.values import Library, Moment
 
 from ...errors import Listener, OptionError
 from ...playback import FilterRun
-from ...running.open import make_runs, open_library_for, open_session, read_as_amcl, remark_skipped
+from ...running.open import (
+    make_runs,
+    open_library_for,
+    open_session,
+    overview_of,
+    read_as_amcl,
+    remark_skipped,
+)
 from ...running.run_spec import RunSpec
 from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
@@ -176,7 +183,7 @@ def _run_all(
     run: FilterRun, session: RecordedSession, asked: CheckedFilter, listener: Listener
 ) -> tuple[list[Moment], tuple[RunTrack, ...]]:
     """Compare every picture once, and run the filter with every seed; pictures are not kept."""
-    total, has_truth = session.overview()
+    total, has_truth = overview_of(session, listener)
     _expect_truth(session.path, asked.demands, has_truth=has_truth)
     moments: list[Moment] = []
 

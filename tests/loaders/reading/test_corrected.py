@@ -248,3 +248,20 @@ def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dic
     np.testing.assert_allclose(moment.frame.motions, [[1, 0, math.pi / 2]])
     typed = "--reading odometry_scale=0.01 --reading turn_scale=-0.0174533"
     assert session.info.notes == (f"corrected in reading: {typed}",)
+
+
+def test_jumps_are_left_out_of_poses_and_of_motions() -> None:
+    steps = motions()
+    right, jumping = poses_of(steps), poses_of(steps)
+    jumping[12:] += [9.0, -3.0, 0.0]
+    found = read(jumping, OdometryPose, odometry_are="jumping")
+    for number, (before, after) in enumerate(pairwise(found), start=1):
+        expected = np.zeros(3) if number == 12 else motion_between(right[number - 1], right[number])
+        np.testing.assert_allclose(motion_between(before, after), expected, atol=1e-9)
+    np.testing.assert_allclose(read(right, OdometryPose, odometry_are="jumping"), right, atol=1e-9)
+    far = steps.copy()
+    far[7, 0] = 65.5
+    np.testing.assert_allclose(read(far, Motion, odometry_are="jumping")[7], np.zeros(3), atol=1e-9)
+    np.testing.assert_allclose(
+        np.delete(read(far, Motion, odometry_are="jumping"), 7, 0), np.delete(steps, 7, 0)
+    )

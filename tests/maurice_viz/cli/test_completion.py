@@ -38,7 +38,7 @@ def completed(words: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         ("inspect a.log --reading max", ["max_dt_s="]),
         ("trials table made --metric kidnapped", ["kidnapped_at_update"]),
         ("trials run t", [name for name in shipped_plans() if name.startswith("t")]),
-        ("inspect a.log --reading odometry_are=", ["poses", "steps"]),
+        ("inspect a.log --reading odometry_are=", ["poses", "steps", "jumping"]),
         ("inspect a.log --reading keep_going=t", ["true"]),
         ("replay a.log --set resampling.scheme=s", ["systematic", "stratified"]),
         ("replay a.log --set resampling.scheme = s", ["systematic", "stratified"]),  # as bash splits it

@@ -30,6 +30,34 @@ def in_millimeters(log: Path) -> Path:
     return out
 
 
+def with_jump(log: Path) -> Path:
+    """Write the log with a step of 50 m in the ninth motion."""
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    number = 0
+    for line in lines:
+        if "odometry" in line:
+            number += 1
+            line["odometry"][0] += 50.0 if number == 9 else 0.0
+    out = log.with_name("jump.log")
+    out.write_text("\n".join(json.dumps(line) for line in lines) + "\n")
+    return out
+
+
+def test_a_jump_of_odometry_is_told_before_a_filter_is_blamed(small_session):
+    jump, fix = with_jump(small_session), "--reading odometry_are=jumping"
+    done = run("doctor", jump)
+    assert "1. odometry jumps 50.1 m in 2 s, at 16.0 s of the drive [odometry-jump]" in (done.stdout)
+    assert f"fix: maurice-replay {jump} {fix}\n" in done.stdout
+    assert "found nothing wrong" in run("doctor", jump, *fix.split()).stdout
+    line = f"[odometry-jump]; fix: {fix}"
+    assert line in run(jump, "-o", "none", "--preset", "thesis", "--save-run", "run").stderr
+    told = run("diagnose", "run").stdout
+    assert told.startswith("The recording: odometry jumps 50.1 m")
+    assert "Odometry jumps at step 9" in told
+    assert any(line in text for text in json.loads(run("inspect", jump, "--json").stdout)["warnings"])
+    assert line not in run(small_session, "-o", "none").stderr
+
+
 def test_a_healthy_session_is_said_to_be_so(small_session):
     done = run("doctor", small_session, "--strict")
     assert "14 odometry, 14 truth, 14 pictures" in done.stdout

@@ -11,7 +11,7 @@ import pytest
 from helpers.commands import run
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
-from maurice_viz.text.findings import WORSE
+from maurice_viz.text.library import WORSE
 
 SPOTS, HEADINGS = ((0.2, 0.2), (0.6, 0.2), (1.0, 0.3)), 8
 said = partial(run, env={"COLUMNS": "500"})

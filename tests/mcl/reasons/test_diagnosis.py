@@ -56,11 +56,17 @@ CASES = {
     "equal pictures": ("data", {"repeated": True}, range(8, 14)),
     "cloud off the map": (
         "left_map",
+        {"cloud_left": True, "driven_m": 1.0, "surprise": Surprise(99, 0, 0)},
+        [10],
+    ),
+    "odometry jumps off the map": (
+        "motion",
         {"cloud_left": True, "driven_m": 20, "surprise": Surprise(99, 0, 0)},
         [10],
     ),
     "truth off the map": ("left_map", {"outside": True}, range(9, 13)),
     "tilted": ("out_of_plane", {"tilt_deg": 22.0, "surprise": BUMP}, range(7, 14)),
+    "odometry jumps": ("motion", {"driven_m": 9.0, "after_s": 1.0, "surprise": FARTHER}, [11]),
     "carried": ("kidnapped", {"moved_m": 3.0, "surprise": FARTHER}, [11]),
     "carried a little": ("kidnapped", {"moved_m": 0.95, "surprise": FAR}, [11]),
     "pushed": ("motion", {"moved_m": 0.7, "surprise": Surprise(14, 3, 1)}, [11]),
@@ -102,6 +108,14 @@ def test_each_cause_is_told_by_its_own_evidence(name):
     assert (found.kind, found.episode.onset, found.episode.last) == (kind, LOST_AT, UPDATES - 1), found.also
     if steps and kind not in ("ambiguity", "sensor", "numeric"):
         assert found.first == steps[0]
+
+
+def test_a_jump_of_odometry_is_far_faster_than_it_ever_was():
+    at = 11
+    found = failure_of({"driven_m": 9.0, "moved_m": 0.3}, [at])
+    assert (found.kind, found.first, found.evidence["jump_m"]) == ("motion", at, 9.0)
+    fast = [healthy(step, driven_m=3.0, moved_m=3.0 if step != at else 0.3) for step in ALL]
+    assert "jump_m" not in decided(fast).evidence  # wheels that spin go no faster than they do
 
 
 @pytest.mark.parametrize(("nowhere", "told"), [(2, {"to_reference_m": 1.1}), (4, {})])

@@ -8,7 +8,16 @@ import pytest
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
 from maurice_mcl.filter.localizer import LEFT_MAP
-from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, PROPOSAL, SLIPPED, IncidentFinder
+from maurice_mcl.reasons.causes import (
+    CARRIED,
+    DARK,
+    JUMPED,
+    LEAPT,
+    OVERSTATED,
+    PROPOSAL,
+    SLIPPED,
+    IncidentFinder,
+)
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.values.map import Region
 
@@ -95,6 +104,11 @@ def test_wheels_that_slip_are_one_cause_over_several_steps():
     (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).incidents
     assert (cause.kind, cause.step, cause.last) == (SLIPPED, 4, 5)
     assert (cause.expected, cause.actual) == (pytest.approx(0.6), pytest.approx(0.1))
+
+
+def test_odometry_that_jumps_is_no_slip():
+    (cause,) = drive([(0.3, 0.3)] * 8 + [(9.0, 0.3)] + [(0.3, 0.3)] * 2).incidents
+    assert (cause.kind, cause.step, cause.expected) == (LEAPT, 9, pytest.approx(9.0))
 
 
 def test_no_wheel_slips_where_odometry_is_made_from_pictures():

@@ -1,0 +1,71 @@
+"""What a library's own pictures say about it, and those of a drive through it, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from maurice_mcl.library.left_out import PlaceScore
+from maurice_mcl.library.quality import DriveScore
+
+WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
+ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"
+
+
+def scores_of(score: PlaceScore) -> str:
+    """Return what a picture tells of its place, and the pictures and places that this is computed from."""
+    if not score.pictures:
+        return f"no two of {score.places} places see each other, so none can be left out"
+    of = f"{score.pictures} pictures of {score.places} places, each place left out in turn"
+    times = f"{math.exp(score.score - score.blind):.2g} times as likely as knowing nothing does"
+    logs = f"log score {score.score:.2f} against {score.blind:.2f}"
+    return f"a picture makes its place {times} ({logs}); {of}"
+
+
+def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> Iterator[str]:
+    """Yield what the user of a library should know before its first run; nothing if there is no problem."""
+    if score is None:
+        return
+    by = ", ".join(channels)
+    if score.worse_than_nothing:
+        yield f"{name}: {WORSE} ({by}: {scores_of(score)}); {ADVICE}"
+    if score.stretched:
+        fitted = ", ".join(f"{channel} x {factor:g}" for channel, factor in score.stretched.items())
+        keep = "--set sensor.widening=1 keeps the defaults"
+        yield f"{name}: scales fitted on its own pictures, as multiples of the defaults: {fitted}; {keep}"
+    if score.widening != 1:
+        why = "" if score.worse_than_nothing else f", as {score.places} places do not confirm them"
+        keep = "--set sensor.widening=1 keeps the fitted ones"
+        yield f"{name}: the scales of {by} are widened by {score.widening:g}{why}; {keep}"
+
+
+def drive_score_of(score: DriveScore) -> str:
+    """Return what a drive's pictures add at their true poses: "... 1.7 times as likely ... (16 pictures)"."""
+    if not score.pictures:
+        return "none of its pictures has a true pose in the library's free space"
+    times = f"{math.exp(score.gain):.2g} times as likely as knowing the place roughly does"
+    return f"a picture makes the true pose {times} ({score.pictures} pictures)"
+
+
+def say_drive(
+    name: str, channels: Iterable[str], score: DriveScore, *, changed: bool = False
+) -> Iterator[str]:
+    """Yield what the user of a library should know about a drive through it; nothing if they agree."""
+    if score.widening == 1 and not score.is_bad:
+        return
+    by = ", ".join(channels)
+    if score.is_bad:
+        worth = "are worse than none" if max(score.gain, score.far_gain) < 0 else "add next to nothing"
+        text = f"{name}: the drive's pictures {worth} at their true poses ({by}: {drive_score_of(score)})"
+    else:
+        times = f"{math.exp(score.far_gain):.2g} times as likely as other places"
+        text = (
+            f"{name}: the drive's pictures tell the place (the true one is {times}), but are too sure near it"
+        )
+        text += f" ({by}: {drive_score_of(score)})"
+    if not changed:
+        yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
+        return
+    keep = "--set sensor.widening=1 keeps them"
+    how = "" if score.tells else ", so that the camera counts for little"
+    yield f"{text}; the scales are widened by {score.widening:g}{how}; {keep}"
