@@ -87,6 +87,14 @@ def pose_of(message: Any, plane: Plane = IN_XY) -> F64:
     return plane.pose(matrix_in(message))
 
 
+def speeds_of(message: Any) -> F64:
+    """Return the speeds (3,) of odometry: forward and left in m/s, turning in rad/s. MessageError."""
+    twist = message.twist
+    while hasattr(twist, "twist"):
+        twist = twist.twist
+    return _checked([twist.linear.x, twist.linear.y, twist.angular.z])
+
+
 def matrix_in(message: Any) -> F64:
     """Return the homogeneous matrix (4, 4) of a message of a pose in space."""
     while hasattr(message, "pose"):

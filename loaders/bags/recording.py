@@ -73,6 +73,7 @@ from .topics import (
     of_robot,
     readable,
 )
+from .twist import TwistReader, speed_of_still_poses
 
 PoseKind = type[OdometryPose] | type[TruthPose]
 ROLES = ("image", "scan", "odometry", "truth")
@@ -130,6 +131,12 @@ class BagRecording:
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
         first_ns = first[seen][0][1] if given else 0
         start, begins = start_in(path, open_bag, given, self.chosen.odometry, first_ns)
+        self._twist, moved = False, self.chosen.odometry
+        if moved is not None and moved.frames is None and not (self._motions or header):
+            speed = speed_of_still_poses(open_bag, path, moved.topic)
+            self._twist = speed > 0
+            adds = f"the poses of {moved} never move, and its speeds do (up to {speed:.2g} m/s or rad/s)"
+            begins = "; ".join(filter(None, [begins, f"{adds}: they are added up" if speed else ""]))
         said = (part_of(path), self.chosen.guess, looking, mounted, maps_said, begins)
         self._guessed = "; ".join(text for text in said if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
@@ -183,6 +190,8 @@ class BagRecording:
             readers.append(ScanReader(chosen.scan, self._laser))
         if "odometry" in roles and self._motions:
             readers.append(MotionReader(MOTIONS, options.odometry_offset_s))
+        elif "odometry" in roles and chosen.odometry and self._twist:
+            readers.append(TwistReader(chosen.odometry.topic, options.odometry_offset_s))
         elif "odometry" in roles and chosen.odometry:
             readers.append(self._poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:

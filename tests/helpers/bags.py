@@ -63,9 +63,10 @@ class Ros:
         position = self.new("geometry_msgs/Point", x=x, y=y, z=0.3)
         return self.new("geometry_msgs/Pose", position=position, orientation=self.turned(heading))
 
-    def odometry(self, t_ns: int, pose: Sequence[float]) -> Any:
-        zero = self.new("geometry_msgs/Vector3", x=0.0, y=0.0, z=0.0)
-        twist = self.new("geometry_msgs/Twist", linear=zero, angular=zero)
+    def odometry(self, t_ns: int, pose: Sequence[float], speeds: Sequence[float] = (0.0, 0.0, 0.0)) -> Any:
+        linear = self.new("geometry_msgs/Vector3", x=speeds[0], y=speeds[1], z=0.0)
+        angular = self.new("geometry_msgs/Vector3", x=0.0, y=0.0, z=speeds[2])
+        twist = self.new("geometry_msgs/Twist", linear=linear, angular=angular)
         none = np.zeros(36)
         return self.new(
             "nav_msgs/Odometry",
