@@ -82,12 +82,14 @@ def coarse_times(drive: RecordedDrive) -> list[Finding]:
     findings = []
     for name, t_s in kinds.items():
         times = np.unique(t_s)
-        if len(times) < 2 or len(t_s) < FEWEST or len(t_s) < MOST_AT_ONE * len(times):
+        if len(t_s) < FEWEST or len(t_s) < MOST_AT_ONE * len(times):
             continue
-        step_s = float(np.median(np.diff(times)))
-        if step_s < COARSE_S:
+        step_s = float(np.median(np.diff(times))) if len(times) > 1 else 0.0  # 0: there is one time
+        if len(times) > 1 and step_s < COARSE_S:
             continue
         seen = Evidence("steps", {"step_s": step_s, "each": len(t_s) / len(times)})
+        if name != drive.sees and len(times) > 1 and np.isin(times[1:-1], drive.picture_t_s).all():
+            continue  # between two pictures or scans order tells enough
         details: dict[str, Value] = {"name": name, "records": len(t_s), "times": len(times)}
         findings.append(Finding("times-coarse", (seen,), {"step_s": step_s}, details=details))
     return findings

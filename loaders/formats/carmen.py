@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,13 +35,16 @@ _WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here o
 MOST_KEPT_BYTES = 2_000_000
 MOST_BACK_S = 10.0  # times that fall by less come of several clocks in one log
 NO_TIME_S = 1e-9  # less is none: some writers leave a zero that is not quite one
+WRAPPED_S = 2.0**32  # a time just below zero, written as if it had no sign
+MOST_AT_ONE = 3  # scans a time, on average: with more, times have too few digits
 SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by more was moved by a correction
 ESTIMATED = "the truth is the log's corrected poses: an estimate, made from the same scans"
 REPEATED = (
     "the log's odometry repeats its corrected poses: it was made from the truth and has no error of its own; "
     "--reading odometry_from_truth=true makes some with noise"
 )
-UNTIMED = "the scans have no times and are taken to be a second apart"
+UNTIMED = "the scans have no times and are taken to be a second apart, in the order of the lines"
+COARSE = "the scans share {times} times, which have too few digits: they are taken to be a second apart"
 
 
 class _Line(NamedTuple):
@@ -62,7 +66,7 @@ class _Facts:
     mount: F64  # (3,) the laser's pose on the robot
     ahead_m: float  # of it, found in corrected poses: where the laser turned about
     max_m: float  # the reach of a laser that does not state it
-    untimed: bool  # whether no scan has a time
+    untimed: str  # why the times of scans are of no use; "" where they are
     repeats: bool  # whether the odometry is that of the corrected poses
     others: int  # scans of other lasers
 
@@ -82,7 +86,7 @@ class CarmenRecording:
         told = {
             ESTIMATED: facts.truth in LASERS,
             REPEATED: facts.repeats and not self.options.odometry_from_truth,
-            UNTIMED: facts.untimed,
+            facts.untimed: bool(facts.untimed),
             f"the laser is taken to sit {facts.ahead_m:.2f} m ahead of the wheels, by how its poses turn": (
                 facts.ahead_m != 0
             ),
@@ -125,7 +129,7 @@ class CarmenRecording:
     @cached_property
     def _facts(self) -> _Facts:
         """Go through the log once."""
-        counts, timed = Counter[str](), Counter[str]()
+        counts, times = Counter[str](), defaultdict[str, set[float]](set)  # of scans by their words
         reach, lever, mounts = _Reach(), _Lever(), dict[str, F64]()
         corrected: str | None = None
         own = unchanged = 0  # scans with odometry of their own before them, and where laser and robot are one
@@ -134,7 +138,8 @@ class CarmenRecording:
         last_laser: F64 | None = None
         for line in self._lines(ReadingNotes(keep_going=True)):
             counts[line.word] += 1
-            timed[line.word] += line.t_s > NO_TIME_S
+            if line.scan is not None and line.t_s > NO_TIME_S:
+                times[line.word].add(line.t_s)
             set_anew = _set_anew(before, line, last_t_s)
             if before is not None and set_anew:
                 corrected = corrected or before.word
@@ -171,7 +176,9 @@ class CarmenRecording:
         if laser in REAR and abs(float(mount[2])) < SAME_RAD:
             mount = np.array([*mount[:2], math.pi])
         others = sum(counts[word] for word in LASERS if word != laser)
-        untimed = scans > 1 and not timed[laser or ""]
+        untimed, distinct = "", len(times[laser or ""])
+        if scans > 1 and scans >= MOST_AT_ONE * distinct:
+            untimed = COARSE.format(times=distinct) if distinct else UNTIMED
         return _Facts(laser, truth, odometry, mount, ahead_m, reach.max_m, untimed, repeats, others)
 
     def _lines(self, notes: ReadingNotes) -> Iterator[_Line]:
@@ -343,6 +350,9 @@ def _scan(file: Path, row: Row, words: list[str], begin: int, end: int) -> Laser
 def _time(file: Path, row: Row, words: list[str]) -> float:
     if len(words) < 4:
         raise InputError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
+    with suppress(ValueError):
+        if math.isclose(float(words[-1]), WRAPPED_S, rel_tol=1e-5):
+            return 0.0
     return number_in(file, row.number, words[-1], "time", MOST_T_S)
 
 

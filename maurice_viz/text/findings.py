@@ -107,7 +107,10 @@ WHAT: Mapping[str, Text] = {
     "odometry-jump": _jump,
     "out-of-plane": "the motion leaves the plane: pitch, roll or height, which no pose in the plane has",
     "times-fall": "times fall {falls} times",
-    "times-coarse": "many records have one time: {records} of the {name} at {times} different times",
+    "times-coarse": lambda v: (
+        f"times have too few digits: {v['records']} records of the {v['name']} share "
+        f"{'one time' if v['times'] == 1 else str(v['times']) + ' times'}"
+    ),
     "too-large": "{records} records hold numbers of more than {most:g}",
     "broken": "{records} records cannot be read",
     "time-unit": "times are in {unit}",
@@ -273,7 +276,11 @@ EVIDENCE: Mapping[str, Text] = {
         f"{v['name']}: one pose in twenty is tilted by more than {v['tilt_deg']:.0f} deg from the mean; "
         f"nine in ten are within {_length(v, v['height_m'])} of height"
     ),
-    "steps": "from one time to the next it is {step_s:.3g} s (median), with {each:.0f} records at one time",
+    "steps": lambda v: (
+        f"from one time to the next it is {v['step_s']:.3g} s (median), with {v['each']:.0f} records a time"
+        if v["step_s"]
+        else f"the robot moves between {v['each']:.0f} records, and all are of one time"
+    ),
     "falling": "every reader refuses a time that falls",
     "limits": "a session log may not hold them; truth and odometry are at most {most:g} in size",
     "first-problem": "the first: {problem}",

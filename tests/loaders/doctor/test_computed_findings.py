@@ -220,10 +220,9 @@ def test_times_of_too_few_digits(digits):
     odometry = replace(drive.odometry, t_s=np.round((drive.odometry.t_s + offset_s) / digits) * digits)
     truth = replace(drive.truth, t_s=drive.truth.t_s + offset_s)
     found = coarse_times(replace(drive, odometry=odometry, truth=truth))
-    coarse = digits == 1.0  # of two minutes, steps of 1000 s leave one time or two
-    assert [one.details["name"] for one in found] == (["odometry"] if coarse else [])
-    if coarse:
-        assert found[0].numbers["step_s"] == 1.0
+    steps_s = {0.1: [], 1.0: [1.0], 1000.0: [0.0]}[digits]  # of two minutes, 1000 s leave one time
+    assert [one.numbers["step_s"] for one in found] == steps_s
+    assert all(one.details["name"] == "odometry" for one in found)
     standing = RecordedOdometry(np.repeat(np.arange(20.0), 10), np.zeros((200, 3)), poses=True)
     assert coarse_times(replace(drive, odometry=standing)) == []
 

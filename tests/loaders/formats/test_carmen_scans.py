@@ -288,3 +288,26 @@ def test_no_library_is_made_of_scans(tmp_path: Path) -> None:
     path = log(tmp_path, *(flaser(181, 0.3 * k) for k in range(3)))
     with pytest.raises(InputError, match="found scans of a laser and no picture"):
         open_survey(path, ReadingOptions())
+
+
+@pytest.mark.parametrize(
+    ("times", "told"),
+    [
+        (
+            ["-0.4", "-0.9", *["4.29497e+09"] * 10],
+            "the scans have no times and are taken to be a second apart",
+        ),
+        (["9.76053e+08"] * 12, "the scans share 1 times, which have too few digits"),
+        ([f"{976052850 + k}.5" for k in range(12)], ""),
+    ],
+)
+def test_scans_whose_times_say_nothing_are_read_in_the_order_of_the_lines(
+    times: list[str], told: str, tmp_path: Path
+) -> None:
+    """A time below zero without its sign is close to 2^32; six digits are alike for a whole drive."""
+    lines = [flaser(181, 0.1 * k).rsplit(" ", 3)[0] + f" {t} host {t}" for k, t in enumerate(times)]
+    session = open_session(log(tmp_path, *lines))
+    assert session.overview()[0] == len(times) // 3 + (len(times) % 3 > 0)  # one every 0.25 m
+    assert any(told in note for note in session.info.notes) if told else len(session.info.notes) == 0
+    found = [moment.frame.time_s for moment in session.moments()]
+    assert found == sorted(set(found))
