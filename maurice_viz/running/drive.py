@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from maurice_loaders.doctor.gathering import Gathering
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.reading.observations import SCANS, Gate
 from maurice_loaders.reading.session import RecordedSession
@@ -19,7 +20,7 @@ from maurice_mcl.values import Frame, Moment
 from ..errors import Listener
 from ..layouts.drive import drive_blueprint
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
-from .open import remark_skipped
+from .open import remark_skipped, warn_implausible
 from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, sink_of
 
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
@@ -43,7 +44,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
 
     KeyboardInterrupt goes on when the recording up to that point is written.
     """
-    session, paths = _with_paths(whole)
+    session, paths = _with_paths(whole, listener)
     pictures = session.observed.pictures and not isinstance(session.recording, Placeholders)
     drive = DriveView(session.info, paths, pictures)
     advice = LASER_ADVICE if session.observed.name == SCANS else advice_for(session.path, drive)
@@ -71,21 +72,23 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     return target.file
 
 
-def _with_paths(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]:
-    """Go through a drive once without its pictures; one without any gets gray ones."""
-    paths = _paths_of(session)
+def _with_paths(session: RecordedSession, listener: Listener) -> tuple[RecordedSession, DrivePaths]:
+    """Go through a drive once without its pictures; one without any gets gray ones. Warns as `overview_of`."""
+    gathering = Gathering()
+    paths = _paths_of(session, gathering)
+    warn_implausible(session.path, gathering, listener)
     if not paths.moments:
         session = RecordedSession(Placeholders(session.recording), session.options)
-        paths = _paths_of(session)
+        paths = _paths_of(session, Gathering())
     if not paths.moments:
         nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
         raise InputError(session.path, nothing)
     return session, paths
 
 
-def _paths_of(session: RecordedSession) -> DrivePaths:
+def _paths_of(session: RecordedSession, gathering: Gathering) -> DrivePaths:
     notes = ReadingNotes(session.options.keep_going)
-    return drive_paths(session.glances(notes), session.info)
+    return drive_paths(session.glances(notes, gathering.add), session.info)
 
 
 def _thinned(session: RecordedSession, moments: int, listener: Listener) -> RecordedSession:

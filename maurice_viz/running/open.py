@@ -149,9 +149,14 @@ def overview_of(session: RecordedSession, listener: Listener) -> tuple[int, bool
     """Return the overview of a session, and warn of numbers that cannot be. InputError as reading."""
     gathering = Gathering()
     overview = session.overview(gathering.add)
-    for finding in implausible(gathering.drive(), gathering.scans):
-        listener.warning(f"{session.path}: {brief(finding)}")
+    warn_implausible(session.path, gathering, listener)
     return overview
+
+
+def warn_implausible(path: Path, gathering: Gathering, listener: Listener) -> None:
+    """Warn of numbers that cannot be, in a line each."""
+    for finding in implausible(gathering.drive(), gathering.scans):
+        listener.warning(f"{path}: {brief(finding)}")
 
 
 def library_of(session: RecordedSession, asked: Path | Library | None) -> Path | Library | None:
