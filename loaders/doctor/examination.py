@@ -201,6 +201,9 @@ def examine(
     scans = replace(gathered.scans, t_s=gathered.scans.t_s * factor)
     doubtful = implausible(drive, scans)
     drive = without_jumps(drive)
+    for limit_m in [finding.numbers["range_m"] for finding in doubtful if finding.code == "max-range"]:
+        limited = (replace(scan, max_m=min(scan.max_m, limit_m)) for scan in scans.scans)
+        scans = replace(scans, scans=tuple(limited))
     movement_s = movement_apart(drive)
     seen = drive if len(drive.picture_t_s) else replace(drive, picture_t_s=scans.t_s, sees="scans")
     clocks = clocks_apart(seen, movement_s) or truth_apart(seen)

@@ -272,21 +272,54 @@ def truth_apart(drive: RecordedDrive) -> list[Finding]:
 
 # Ranges of the laser.
 
-CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
+AT_TOP, BELOW = 0.01, 4  # width of the longest ranges, as a share of them, and how many such widths below
+CAPPED_SHARE, CAPPED_TIMES = 0.03, 5.0  # of the beams, least, and times as many as in any width below
+SAME_M = 1e-3  # ranges that differ by less are one value
+SOME_SCANS, SEEN_IN = 500, 0.3  # that are looked at, and the share of them with such a beam
+EMPTY_SCANS = 10  # in a row that hit nothing, least
 
 
 def no_return_ranges(scans: RecordedScans) -> list[Finding]:
-    """Return a finding where beams that hit nothing read as a range below the laser's reach."""
-    some = scans.scans[:: max(scans.size // 500, 1)]
-    ranges = np.concatenate([np.zeros(0), *(scan.ranges_m[scan.hits] for scan in some)])
+    """Return a finding where beams that hit nothing read a range, exact or with noise, below the reach."""
+    some = scans.scans[:: max(scans.size // SOME_SCANS, 1)]
+    hits = [scan.ranges_m[scan.hits] for scan in some]
+    ranges = np.concatenate([np.zeros(0), *hits])
     if not len(ranges):
         return []
-    most = float(ranges.max())
-    share = float((ranges > most - 1e-3).mean())
-    if share < CAPPED_SHARE:
+    top = float(np.quantile(ranges, 1 - CAPPED_SHARE / 10))
+    edges = top * (1 - AT_TOP * np.arange(BELOW + 1, -1, -1))
+    shares = np.histogram(ranges, [*edges[:-1], np.inf])[0] / len(ranges)
+    least_m = float(edges[-2])
+    seen = np.mean([bool((values >= least_m).any()) for values in hits])
+    if shares[-1] < max(CAPPED_SHARE, CAPPED_TIMES * shares[:-2].max()) or seen < SEEN_IN:
         return []
-    seen = Evidence("capped", {"share": share, "range": most, "reach": float(scans.scans[0].max_m)})
-    return [Finding("max-range", (seen,), {"range_m": most})]
+    pile = ranges[ranges >= least_m]
+    middle = float(np.median(pile))
+    exact = np.abs(pile - middle) < SAME_M
+    low_m = float(pile[exact].min() if exact.mean() > 0.9 else np.quantile(pile, 0.02))
+    limit_m = np.floor(low_m * 1000 + 0.01) / 1000
+    values = {"share": float(shares[-1]), "range": middle, "reach": float(some[0].max_m)}
+    return [Finding("max-range", (Evidence("capped", values),), {"range_m": float(limit_m)})]
+
+
+def empty_scans(scans: RecordedScans, begin_s: float) -> list[Finding]:
+    """Return a finding where many scans in a row have no beam that hit something."""
+    empty = np.array([not scan.hits.any() for scan in scans.scans], bool)
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], empty, [0]])))
+    rows = ends.reshape(-1, 2)
+    long = rows[rows[:, 1] - rows[:, 0] >= EMPTY_SCANS]
+    if not len(long):
+        return []
+    first, end = long[(long[:, 1] - long[:, 0]).argmax()]
+    readings = np.concatenate([scan.ranges_m for scan in scans.scans[first:end]])
+    read = {"zeros": float((readings == 0).mean()), "nan": float(np.isnan(readings).mean())}
+    numbers = {
+        "scans": float(end - first),
+        "from_s": float(scans.t_s[first]) - begin_s,
+        "to_s": float(scans.t_s[end - 1]) - begin_s,
+    }
+    details: dict[str, Value] = {"rows": len(long), "all": float(empty.sum()), "of": scans.size}
+    return [Finding("scans-empty", (Evidence("empty", read | details),), numbers, details=details)]
 
 
 Check = Callable[[RecordedDrive, RecordedScans], list[Finding]]
@@ -295,6 +328,7 @@ PLAUSIBLE: tuple[Check, ...] = (
     lambda drive, scans: coarse_times(drive),
     lambda drive, scans: odometry_jumps(drive),
     lambda drive, scans: no_return_ranges(scans),
+    lambda drive, scans: empty_scans(scans, drive.begin_s),
 )
 
 

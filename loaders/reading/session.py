@@ -122,9 +122,7 @@ class RecordedSession(HasReadingNotes):
         self._kept = (notes, moments) if count <= most else None
         return count, updates.truths > 0
 
-    def glances(
-        self, notes: ReadingNotes, watch: Callable[[Record], None] | None = None
-    ) -> Iterator[Moment]:
+    def glances(self, notes: ReadingNotes, watch: Callable[[Record], None] | None = None) -> Iterator[Moment]:
         """Yield every moment without its picture; decodes none. `watch` is given every record."""
         updates = _Updates(self, notes, watch)
         for step, update in enumerate(updates, start=1):

@@ -73,7 +73,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
 
 
 def _with_paths(session: RecordedSession, listener: Listener) -> tuple[RecordedSession, DrivePaths]:
-    """Go through a drive once without its pictures; one without any gets gray ones. Warns as `overview_of`."""
+    """Go through a drive once without its pictures; one without any gets gray ones. Warnings."""
     gathering = Gathering()
     paths = _paths_of(session, gathering)
     warn_implausible(session.path, gathering, listener)

@@ -136,8 +136,9 @@ def say_failure(failure: Failure, scale: Scale) -> str:
 
 def say_remedy(failure: Failure, has_laser: bool) -> str:
     """Return what the robot's owner can do, with a laser by AMCL's names; empty where nothing is known."""
-    if "jump_m" in failure.evidence:
-        return "--reading odometry_are=jumping, which leaves the jump out; doctor shows when it was"
+    for name, remedy in laser_causes.REMEDIES_BY.items():
+        if name in failure.evidence and (has_laser or name == "jump_m"):
+            return remedy
     return laser_causes.REMEDIES.get(failure.kind, "") if has_laser else ""
 
 

@@ -136,7 +136,8 @@ WHAT: Mapping[str, Text] = {
     "scan-mirrored": "the scans are mirrored: the laser is upside down, or its beams are counted clockwise",
     "scan-delay": lambda v: f"scans are stamped {abs(v['delay_s']):.2g} s too {_late(v)} for the odometry",
     "odometry-is-truth": "odometry repeats the truth: it was made from it, and has no errors to localize by",
-    "max-range": "beams that hit nothing read {range_m:.4g} m, as if they had hit something there",
+    "max-range": "beams that hit nothing read {range_m:.4g} m or little more, as if something were there",
+    "scans-empty": "{scans:.0f} scans in a row hit nothing, from {from_s:.1f} to {to_s:.1f} s of the drive",
     "own-body": "{share:.0%} of the beams see the robot itself",
     "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
     "map-frame": (
@@ -223,7 +224,8 @@ FIX: Mapping[str, Text] = {
     "scan-mirrored": "turn the roll of the laser's transform by 180 deg, or negate angle_increment",
     "scan-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the scans')}",
     "odometry-is-truth": "take wheel odometry; --reading odometry_from_truth=true makes some with noise",
-    "max-range": "--set sensor.laser.laser_max_range={range_m:.4g}, or a range_max below it in the scans",
+    "max-range": "--set sensor.laser.laser_max_range={range_m:.5g}, or a range_max below it in the scans",
+    "scans-empty": "look at the laser and its driver at that time; the filter goes by odometry alone there",
     "own-body": (
         "--set sensor.laser.laser_min_range={range_m:.2f}, as in AMCL, or leave these beams out of the scans"
     ),
@@ -313,7 +315,14 @@ EVIDENCE: Mapping[str, Text] = {
         f"and {_length(v, v['after'])} if this is so"
     ),
     "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
-    "capped": "{share:.0%} of the beams read that range, the longest of all; the reach is {reach:.4g} m",
+    "capped": (
+        "{share:.0%} of the beams that hit something read about {range:.4g} m, and hardly any a little less; "
+        "the reach is {reach:.4g} m"
+    ),
+    "empty": lambda v: (
+        f"{v['zeros']:.0%} of their ranges are 0 and {v['nan']:.0%} no number; "
+        f"{v['all']:.0f} of {v['of']} scans hit nothing"
+    ),
     "same-range": "in {scans} scans of different headings they read the same, less than {range_m:.2f} m",
     "fit-where": "where each of {scans} scans fits best on the map",
     "scans-hits": "so few are a model's least, and a scan with fewer says nothing",

@@ -18,7 +18,7 @@ from ..scoring.lost_signal import evidence_by_channels
 from ..scoring.metrics import StepScore
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
-from ..sensor.laser.sensor import LASER
+from ..sensor.laser.sensor import LASER, Laser
 from ..values import F32, F64, INCH_M, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
 from .causes import Failure, Value, driven
 from .surroundings import LightFit, PlaceFit, Surroundings, UsualFit, layout_fit, mean_level
@@ -146,7 +146,9 @@ class EvidenceFinder:
             lost_m, library = record.estimate.radii.lost_m, self.localizer.library
             self.surroundings = self.surroundings or Surroundings(self.localizer.sensor, lost_m)
             if library.is_map and library.occupancy is not None:
-                self.scans = ScanFits(library.occupancy, library.poses, has_filter=True)
+                laser = library.sensors.get(LASER)
+                most_m = laser.parameters.laser_max_range if isinstance(laser, Laser) else -1.0
+                self.scans = ScanFits(library.occupancy, library.poses, has_filter=True, max_range_m=most_m)
         frame, truth = moment.frame, moment.truth
         floor, self._floor = self._floor, _floor_after(moment.events, self._floor)
         self._tilt_deg = _tilt_after(moment.events, self._tilt_deg)

@@ -21,6 +21,8 @@ UNSEEN_SHARE = 0.2  # of the beams pass through walls, or hit nothing where the 
 ALIKE_NATS = 5.0  # places whose nats differ by less fit as well
 TELLING_NATS = 10.0  # by which the calibrated model puts the truth before the estimate ...
 FLAT_NATS = 4.0  # ... and the run's own does not
+CUT_SHARE = 0.7  # of the beams that hit something, left out by laser_max_range: too few are left
+TURNED_RAD = float(np.radians(30))  # of a start that is at the right place
 
 
 def left_mapped(story: Story) -> Failure | None:
@@ -92,7 +94,21 @@ def wrong_start(story: Story) -> Failure | None:
         return None
     if any(update.share_near >= MOST_SHARE for update in story.updates[: story.lost + 1]):
         return None
-    return story.failure(START, first.step, start_off_m=off_m, particles=first.size)
+    turned_rad = first.score.heading_error_rad or 0.0
+    turned: dict[str, Value] = {}
+    if abs(turned_rad) >= TURNED_RAD:
+        turned = {"start_turned_deg": abs(float(np.degrees(turned_rad)))}
+    return story.failure(START, first.step, start_off_m=off_m, **turned, particles=first.size)
+
+
+def range_cut(story: Story) -> Failure | None:
+    """The run's own laser_max_range leaves out most beams that hit something."""
+    fits = _fits(story.where(story.pictures, lambda u: u.scan is not None))
+    cut = [fit.cut for fit in fits if fit.cut >= CUT_SHARE]
+    if len(cut) < max(MOST_SHARE * len(fits), LEAST_UPDATES):
+        return None
+    first = story.where(story.pictures, lambda u: u.scan is not None and u.scan.cut >= CUT_SHARE)[0]
+    return story.failure(FLAT, first.step, cut_beams=median(cut), scans=len(cut))
 
 
 def too_flat(story: Story) -> Failure | None:
@@ -132,7 +148,7 @@ def fits_elsewhere(story: Story) -> Failure | None:
 
 BEFORE_MOTION: tuple[Callable[[Story], Failure | None], ...] = (left_mapped,)
 ABOUT_SCANS = (wrong_mount, wrong_map, walls_unseen, scene_changed)
-ABOUT_FILTER = (wrong_start, fits_elsewhere, too_flat)
+ABOUT_FILTER = (wrong_start, range_cut, fits_elsewhere, too_flat)
 
 
 def _wrong(story: Story) -> list[UpdateEvidence]:

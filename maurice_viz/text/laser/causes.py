@@ -37,6 +37,8 @@ NAMES: Mapping[str, str] = {  # of evidence
     "turned_nats": "then a scan has",
     "scan_nats": "as it is it has",
     "start_off_m": "the first pose was off by",
+    "start_turned_deg": "its heading was off by (deg)",
+    "cut_beams": "share of the beams that hit something beyond laser_max_range",
     "says_nats": "the model of the laser says of a scan at most",
     "needs_nats": "the motion noise between scans takes away",
     "own_nats": "truth before the estimate, by that model",
@@ -63,6 +65,12 @@ REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
     PROPOSAL: "more max_particles, a known initial_pose, or --preset laser, which asks the scan",
     RESAMPLING: "more min_particles, resample_interval 2",
 }
+REMEDIES_BY: Mapping[str, str] = {  # of a number among the evidence, rather than of the kind
+    "jump_m": "--reading odometry_are=jumping, which leaves the jump out; doctor shows when it was",
+    "cut_beams": "laser_max_range -1, which takes the scans' own range_max",
+    "start_turned_deg": "the right yaw (in radians) of initial_pose, or --start X,Y,HEADING",
+}
+NEAR_M = 0.25  # of a start: at the true place
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
 
@@ -106,10 +114,17 @@ def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _start(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "start_turned_deg" in e:
+        at = f"at the true place (off by {scale.say(e['start_off_m'])})"
+        near = at if e["start_off_m"] < NEAR_M else f"{scale.say(e['start_off_m'])} from the true place"
+        return f"the filter began {near}, but {e['start_turned_deg']:.0f} deg off its heading, and sure of it"
     return f"the filter began {scale.say(e['start_off_m'])} from the true place, and sure of it"
 
 
 def _flat(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "cut_beams" in e:
+        cut = f"laser_max_range leaves out {e['cut_beams']:.0%} of the beams that hit something"
+        return f"{cut}, and what is left hardly tells the place"
     says = f"the model of the laser says at most {e['says_nats']:.1f} nats a scan"
     apart = f"with scans {scale.say(e['between_m'])} apart the motion noise needs {e['needs_nats']:.1f}"
     return f"{says}, and {apart}"

@@ -58,6 +58,7 @@ class ScanFit:
     short_m: float = float("nan")  # from what short beams hit to the map's wall; NaN without any
     shares: Mapping[str, float] = field(default_factory=dict)  # of the beams, by JUDGMENTS and "unseen"
     mounting: Mounting | None = None  # by the scans up to now that do not fit
+    cut: float = 0.0  # share of the beams that hit something which the run's laser_max_range leaves out
 
     @property
     def is_compared(self) -> bool:
@@ -72,6 +73,7 @@ class ScanFits:
     occupancy: OccupancyMap
     places: F64  # (L, 3) typical poses
     has_filter: bool = False  # which reads the scans: one that it reads nothing of says nothing
+    max_range_m: float = -1.0  # the filter's laser_max_range; -1: that of the scans
     _yaws: F64 = field(default_factory=lambda: np.zeros((2, len(YAWS))))
     _mounted: int = 0  # scans whose mount was tried
 
@@ -86,9 +88,9 @@ class ScanFits:
 
     def lay(self, scan: LaserScan, laser: Sensed | None, pose: F64, estimate: F64, is_off: bool) -> ScanFit:
         """Say how a scan, and what the run's `laser` read in it, fits a pose (3,): see `fit`."""
-        reading = self.read(scan)
+        reading, cut = self.read(scan), self._cut(scan)
         if reading is None or (laser is None and self.has_filter):
-            return self.unanswered(scan, pose)
+            return replace(self.unanswered(scan, pose), cut=cut)
 
         def own(poses: F64) -> F32:
             if laser is None:  # the run's own model is not known
@@ -97,7 +99,13 @@ class ScanFits:
             relative = (poses - np.append(origin, 0.0)).astype(np.float32)
             return laser.sensor.log_likelihood(laser.reading, relative, origin)
 
-        return self.fit(reading, pose, estimate, own, is_off)
+        return replace(self.fit(reading, pose, estimate, own, is_off), cut=cut)
+
+    def _cut(self, scan: LaserScan) -> float:
+        """Return the share of the beams that hit something which the filter takes for misses."""
+        if not 0 < self.max_range_m < scan.max_m or not scan.hits.any():
+            return 0.0
+        return float((scan.ranges_m[scan.hits] >= self.max_range_m).mean())
 
     def unanswered(self, scan: LaserScan, truth: F64) -> ScanFit:
         """Say which walls a scan should have hit, of which too few beams hit something."""

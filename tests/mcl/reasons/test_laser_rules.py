@@ -48,6 +48,8 @@ CASES = {
     "twin": ("ambiguity", replace(FITS, ahead=1.0, own_ahead=1.0), SINCE),
     "corridor": ("ambiguity", replace(FITS, ahead=1.0, own_ahead=1.0, between=2.0), SINCE),
     "flat": ("flat_sensor", replace(FITS, own_ahead=1.0, own_says=1.5), SINCE),
+    "a range that is cut": ("flat_sensor", replace(FITS, cut=0.85), ALL),
+    "a range that is cut somewhat": ("impoverished", replace(FITS, cut=0.4), ALL),
     "a sensor that prefers the wrong place": (
         "impoverished",
         replace(FITS, own_ahead=-3, own_says=1.5),
@@ -91,6 +93,14 @@ def test_a_start_is_wrong_only_where_the_cloud_was_together_at_first():
     assert "the filter began" in say_cause(wrong, Scale(units_named("m")))
     assert failure_of(FITS, ALL, **lost).kind == "impoverished"
     assert failure_of(BAD, SINCE).title == "the map changed"  # nothing is said of a view
+
+
+def test_a_start_at_the_right_place_in_a_wrong_heading_is_said_so():
+    around = replace(OFF, position_error_m=0.01, heading_error_rad=np.pi)
+    wrong = failure_of(FITS, ALL, score=around, near=GONE, began_together=True)
+    text = say_cause(wrong, Scale(units_named("m")))
+    assert text.startswith("the filter began at the true place (off by 0.01 m), but 180 deg off its heading")
+    assert "yaw" in say_remedy(wrong, True)
 
 
 WITHOUT_TRUTH = {
