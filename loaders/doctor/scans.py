@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from maurice_mcl.sensor.laser.fit import OFF_NATS, YAWS
+from maurice_mcl.sensor.laser.fit import MOUNTS_M, OFF_NATS, YAWS, ScanFits
 from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, THROUGH_M, Matcher
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.sensor.laser.reading import LEAST_HITS, read_scan
@@ -44,6 +44,11 @@ SCALES = (0.1, 0.5, 0.8, 1.25, 2.0, 10.0)  # of a map, that are tried
 NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
 # of a laser on the robot: offsets that are tried along each axis, and the least that is reported as wrong
+PLACED, PLACED_SHARE, LEAST_PLACED_M = (
+    40,
+    0.5,
+    0.15,
+)  # scans at true poses, share of the nats left, least place
 PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1
 
 
@@ -79,6 +84,8 @@ def examine_scans(
         mirrored = any(finding.code == "scan-mirrored" for finding in mount)
         findings += [] if mount else _late(scans, *paths[-1])
     if occupancy is not None:
+        if not any(finding.code.startswith("scan-") for finding in findings):
+            findings += place_at_truth(scans, occupancy, _truth_path(drive))
         about, asked = _about_map(scans, occupancy, _truth_path(drive), mirrored=mirrored)
         findings, checks = [*findings, *about], [*checks, asked]
     return findings, checks
@@ -313,6 +320,37 @@ def _about_map(
         return [Finding("map-scale", (seen,), cells)], check
     height_m, width_m = (side * occupancy.cell_m for side in occupancy.cells.shape)
     return [Finding("map-place", (seen,), {"width_m": width_m, "height_m": height_m})], check
+
+
+def place_at_truth(scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None) -> list[Finding]:
+    """Return where the laser is on the robot, by how scans lie on the map at true poses of many headings.
+
+    Moved along the map's axes instead, as a map or a truth that is moved would be, they must fit less well.
+    """
+    if truth is None:
+        return []
+    known = np.flatnonzero((scans.t_s >= truth[0][0]) & (scans.t_s <= truth[0][-1]))
+    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), PLACED)).round().astype(int))]
+    fits = ScanFits(occupancy, np.zeros((1, 3)))
+    moved, shifted = list[F64](), list[F64]()
+    for k, pose in zip(chosen, _at(scans.t_s[chosen], *truth), strict=True):
+        reading = fits.read(scans.scans[k])
+        if reading is not None:
+            moved.append(fits.placed(reading, pose))
+            shifted.append(fits.nats(reading, pose + np.pad(MOUNTS_M, ((0, 0), (0, 1)))).astype(np.float64))
+    if len(moved) < FEWEST_PAIRS:
+        return []
+    by_place, usual = np.array(moved), int(np.hypot(*MOUNTS_M.T).argmin())
+    best = int(by_place.mean(axis=0).argmax())
+    ahead_m, left_m = (float(value) for value in MOUNTS_M[best])
+    clear = _is_clear(-by_place[:, usual], -by_place[:, best], PLACED_SHARE)
+    if np.hypot(ahead_m, left_m) < LEAST_PLACED_M or not clear:
+        return []
+    if np.mean(shifted, axis=0).max() >= by_place[:, best].mean():
+        return []
+    lacks = {"lack_before": -by_place[:, usual].mean(), "lack_after": -by_place[:, best].mean()}
+    values = {"scans": len(moved), **lacks}
+    return [Finding("scan-place", (Evidence("at-truth", values),), {"ahead_m": ahead_m, "left_m": left_m})]
 
 
 def _scaled(occupancy: OccupancyMap, scale: float) -> OccupancyMap:

@@ -314,6 +314,10 @@ EVIDENCE: Mapping[str, Text] = {
         f"in {v['pairs']} pairs of scans walls are {_length(v, v['before'])} apart, "
         f"and {_length(v, v['after'])} if this is so"
     ),
+    "at-truth": (
+        "at {scans} true poses a scan lacks {lack_before:.0f} nats on the map, "
+        "and {lack_after:.0f} if this is so"
+    ),
     "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
     "capped": (
         "{share:.0%} of the beams that hit something read about {range:.4g} m, and hardly any a little less; "

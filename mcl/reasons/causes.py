@@ -139,6 +139,8 @@ class Failure:
         """The cause in a word or two."""
         if self.of_live:
             return OF_LIVE[self.of_live]
+        if self.kind == MOUNT and "ahead_m" in self.evidence:
+            return "laser misplaced"
         is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
         return "too dark" if is_dark else title_of(self.kind, self.has_laser)
 

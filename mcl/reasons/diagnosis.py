@@ -96,7 +96,11 @@ def decide(story: Story) -> Failure:
     if first.kind == MOTION and by_pictures:
         motion_nats, picture_nats = story.nats_lost
         first = by_pictures[0] if picture_nats > motion_nats else first
-    implied = (first.kind, *COMPARED) if first.kind == LEFT_MAP else (first.kind,)  # nothing there to compare
+    implied: tuple[str, ...] = (
+        (first.kind, *COMPARED) if first.kind == LEFT_MAP else (first.kind,)
+    )  # nothing there to compare
+    if first.kind == MOUNT and "ahead_m" in first.evidence:
+        implied = (MOUNT, WRONG_MAP, VIEW, UNSEEN)  # these follow from a laser that is elsewhere
     others = dict.fromkeys(failure.kind for failure in failures if failure.kind not in implied)
     return replace(first, also=tuple(others))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from ..sensor.laser.fit import OFF_SHARE, ScanFit
+from ..sensor.laser.fit import OFF_SHARE, Mounting, ScanFit
 from .causes import AMBIGUITY, FLAT, LEFT_MAP, MOUNT, START, UNSEEN, VIEW, WRONG_MAP, Failure, Value
 from .evidence import Story, UpdateEvidence, median
 
@@ -14,7 +14,7 @@ LEAST_UPDATES = 2  # at which something holds
 MOST_SHARE = 0.5  # of the updates looked at
 WORSE_NATS = 5.0  # by which the place of the estimate is ahead: the scan speaks against the truth
 UNKNOWN_SHARE = 0.4  # of the beams end where nobody has mapped
-MOUNT_SCANS, MOUNT_RAD = 4, float(np.radians(10))
+MOUNT_SCANS, MOUNT_RAD, MOUNT_M = 4, float(np.radians(10)), 0.15
 MOUNT_SHARE = 0.5  # of the nats that scans lack, that another mount gives
 CHANCE_SKILL = 0.35  # a scan that fits the truth no better than this fits it by chance
 UNSEEN_SHARE = 0.2  # of the beams pass through walls, or hit nothing where the map has one
@@ -43,13 +43,26 @@ def wrong_mount(story: Story) -> Failure | None:
         return None
     mounting = fits[-1].mounting
     assert mounting is not None
+    least = (1 - MOUNT_SHARE) * mounting.as_it_is
     turned = abs(mounting.yaw_rad) >= MOUNT_RAD or mounting.mirrored
-    if not turned or mounting.nats < (1 - MOUNT_SHARE) * mounting.as_it_is:
+    if mounting.placed_nats > mounting.nats and np.hypot(*mounting.place) >= MOUNT_M:
+        return (
+            _misplaced(story, mounting, _since(bad, story), len(fits))
+            if mounting.placed_nats >= least
+            else None
+        )
+    if not turned or mounting.nats < least:
         return None
     words: dict[str, Value] = {"beams": "clockwise"} if mounting.mirrored else {}
     yaw = float(np.degrees(mounting.yaw_rad))
     nats = {"turned_nats": mounting.nats, "scan_nats": mounting.as_it_is}
     return story.failure(MOUNT, _since(bad, story), yaw_deg=yaw, **nats, **words, scans=len(fits))
+
+
+def _misplaced(story: Story, mounting: Mounting, first: int, scans: int) -> Failure:
+    place = {"ahead_m": mounting.place[0], "left_m": mounting.place[1]}
+    nats = {"placed_nats": mounting.placed_nats, "scan_nats": mounting.as_it_is}
+    return story.failure(MOUNT, first, **place, **nats, scans=scans)
 
 
 def wrong_map(story: Story) -> Failure | None:

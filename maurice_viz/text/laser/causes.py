@@ -32,6 +32,9 @@ NAMES: Mapping[str, str] = {  # of evidence
     "short_m": "short of the wall by",
     "off_beams": "share of the beams that disagree with the map, at the truth or else at the estimate",
     "skill": "fit at the truth (1: perfect, 0: as anywhere)",
+    "ahead_m": "the laser would have to be farther ahead by",
+    "left_m": "and farther left by",
+    "placed_nats": "then a scan has",
     "yaw_deg": "the laser would have to be turned by (deg)",
     "beams": "its beams would have to be counted",
     "turned_nats": "then a scan has",
@@ -70,6 +73,7 @@ REMEDIES_BY: Mapping[str, str] = {  # of a number among the evidence, rather tha
     "cut_beams": "laser_max_range -1, which takes the scans' own range_max",
     "start_turned_deg": "the right yaw (in radians) of initial_pose, or --start X,Y,HEADING",
 }
+NEAR_0 = 0.05  # m, of a place on the robot: it is not told
 NEAR_M = 0.25  # of a start: at the true place
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
@@ -80,6 +84,16 @@ def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _mount(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "ahead_m" in e:
+        sides = {"ahead of": e["ahead_m"], "left of": e["left_m"]}
+        opposite = {"ahead of": "behind", "left of": "right of"}
+        where = " and ".join(
+            f"{scale.say(abs(v))} {side if v > 0 else opposite[side]}"
+            for side, v in sides.items()
+            if abs(v) > NEAR_0
+        )
+        nats = f"{e['scan_nats']:.0f} nats a scan as it is, {e['placed_nats']:.0f} then"
+        return f"the scans fit the true places once the laser is {where} its place in the recording ({nats})"
     mirrored = ["upside down"] if "beams" in e else []
     turned = [f"turned by {e['yaw_deg']:+.0f} deg"] if e["yaw_deg"] or not mirrored else []
     nats = f"{e['scan_nats']:.0f} nats a scan as it is, {e['turned_nats']:.0f} then"

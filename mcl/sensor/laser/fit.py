@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...values import F32, F64, LaserScan, OccupancyMap, Sensed, compose
+from ...values import F32, F64, LaserScan, OccupancyMap, Sensed, compose, rotated
 from .beams import JUDGMENTS, judge
 from .models import calibrated, laser_map
 from .parameters import LaserParameters
@@ -21,6 +21,7 @@ TYPICAL_PLACES = 64
 BETWEEN = 8  # poses between two
 SEEN_SHARE = 0.8  # of the reach: a wall nearer than that should have been hit
 YAWS = np.radians(np.arange(-180, 180, 5.0))
+MOUNTS_M = np.stack(np.meshgrid(*[np.arange(-5, 6) * 0.1] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 MOST_MOUNTED = 60  # scans
 
 Own = Callable[[F64], F32]
@@ -34,13 +35,17 @@ class Mounting:
     mirrored: bool  # and its beams counted the other way around
     nats: float  # a scan, on average
     as_it_is: float  # the same without turning
+    place: tuple[float, float] = (0.0, 0.0)  # or where it would have to be: ahead and left of its place, in m
+    placed_nats: float = -np.inf  # a scan then, on average
 
     @classmethod
-    def of(cls, nats: F64) -> Mounting:
-        """Take mean nats (2, Y) by YAWS."""
+    def of(cls, nats: F64, by_place: F64) -> Mounting:
+        """Take mean nats (2, Y) by YAWS, and (S,) by MOUNTS_M."""
+        at = int(by_place.argmax())
         row, column = np.unravel_index(int(nats.argmax()), nats.shape)
         usual = float(nats[0, len(YAWS) // 2])
-        return cls(float(YAWS[column]), bool(row), float(nats[row, column]), usual)
+        turned = (float(YAWS[column]), bool(row), float(nats[row, column]), usual)
+        return cls(*turned, (float(MOUNTS_M[at, 0]), float(MOUNTS_M[at, 1])), float(by_place[at]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +80,7 @@ class ScanFits:
     has_filter: bool = False  # which reads the scans: one that it reads nothing of says nothing
     max_range_m: float = -1.0  # the filter's laser_max_range; -1: that of the scans
     _yaws: F64 = field(default_factory=lambda: np.zeros((2, len(YAWS))))
+    _placed: F64 = field(default_factory=lambda: np.zeros(len(MOUNTS_M)))
     _mounted: int = 0  # scans whose mount was tried
 
     def __post_init__(self) -> None:
@@ -144,7 +150,9 @@ class ScanFits:
             between=float(nats[0] - nats[2 : 2 + BETWEEN].min()),
             apart_m=float(np.hypot(*(truth - estimate)[:2])),
             rival=(float(estimate[0]), float(estimate[1])),
-            mounting=Mounting.of(self._yaws / self._mounted) if self._mounted else None,
+            mounting=Mounting.of(self._yaws / self._mounted, self._placed / self._mounted)
+            if self._mounted
+            else None,
         )
         return self._judged(fit, reading, truth)
 
@@ -163,6 +171,13 @@ class ScanFits:
         if self._mounted < MOST_MOUNTED:
             self._mounted += 1
             self._yaws += self.turned(reading, truth)
+            self._placed += self.placed(reading, truth)
+
+    def placed(self, reading: LaserReading, truth: F64) -> F64:
+        """Return the nats (S,) of a scan with the laser ahead and left of its place by MOUNTS_M."""
+        moves = np.column_stack(rotated(MOUNTS_M[:, 0], MOUNTS_M[:, 1], float(truth[2])))
+        poses = np.column_stack([truth[:2] + moves, np.full(len(moves), truth[2])])
+        return self.nats(reading, poses).astype(np.float64)
 
     def turned(self, reading: LaserReading, truth: F64) -> F64:
         """Return the nats (2, Y) of a scan with the laser turned by YAWS, as it is and mirrored."""

@@ -16,6 +16,8 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.doctor.examination import Examination, examine
+from maurice_loaders.doctor.gathering import gather
+from maurice_loaders.doctor.scans import place_at_truth
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.sensor.map_places import map_library
@@ -84,6 +86,24 @@ def test_a_laser_elsewhere_on_the_robot_is_found(
     assert codes(found) == ["scan-place"]
     numbers = found.findings[0].numbers
     assert [numbers["ahead_m"], numbers["left_m"]] == pytest.approx(place_m, abs=0.06)
+
+
+@pytest.mark.parametrize("place_m", [(0.4, 0.0), (-0.2, 0.3)])
+def test_true_poses_and_a_map_tell_where_the_laser_is_but_not_of_a_map_that_is_moved(
+    drive: tuple[Path, Library], place_m: tuple[float, float]
+) -> None:
+    gathered, occupancy = gather(drive[0], USUAL), drive[1].occupancy
+    assert occupancy is not None
+    truth = gathered.drive.truth.t_s, gathered.drive.truth.poses
+    assert place_at_truth(gathered.scans, occupancy, truth) == []
+    mounts = [scan.mount - [*place_m, 0.0] for scan in gathered.scans.scans]
+    pairs = zip(gathered.scans.scans, mounts, strict=True)
+    wrong = replace(gathered.scans, scans=tuple(replace(scan, mount=mount) for scan, mount in pairs))
+    (finding,) = place_at_truth(wrong, occupancy, truth)
+    assert finding.code == "scan-place"
+    assert [finding.numbers["ahead_m"], finding.numbers["left_m"]] == pytest.approx(place_m, abs=0.06)
+    moved = replace(occupancy, corner=occupancy.corner + np.array([*place_m]))
+    assert place_at_truth(gathered.scans, moved, truth) == []
 
 
 def test_scans_that_say_nothing_are_named_with_the_reason(

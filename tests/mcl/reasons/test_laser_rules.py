@@ -95,6 +95,24 @@ def test_a_start_is_wrong_only_where_the_cloud_was_together_at_first():
     assert failure_of(BAD, SINCE).title == "the map changed"  # nothing is said of a view
 
 
+def placed(ahead_m, left_m, nats):
+    return replace(
+        BAD, skill=0.1, mounting=replace(mounted(0).mounting, place=(ahead_m, left_m), placed_nats=nats)
+    )
+
+
+def test_a_laser_that_stands_elsewhere_is_no_wrong_map():
+    found = failure_of(
+        replace(placed(0.4, -0.2, -3.0), mounting=replace(placed(0.4, -0.2, -3.0).mounting, nats=-60)), ALL
+    )
+    assert (found.kind, found.title) == ("mount", "laser misplaced")
+    assert not {"wrong_map", "changed_view"}.intersection(found.also)
+    text = say_cause(found, Scale(units_named("m")))
+    assert "once the laser is 0.40 m ahead of and 0.20 m right of its place in the recording" in text
+    worse = placed(0.4, -0.2, -50.0)
+    assert failure_of(replace(worse, mounting=replace(worse.mounting, nats=-60)), ALL).kind == "wrong_map"
+
+
 def test_a_start_at_the_right_place_in_a_wrong_heading_is_said_so():
     around = replace(OFF, position_error_m=0.01, heading_error_rad=np.pi)
     wrong = failure_of(FITS, ALL, score=around, near=GONE, began_together=True)
