@@ -29,6 +29,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "source": "the source told of",
     "moved_m": "the truth moved",
     "driven_m": "odometry says",
+    "estimate_jump_m": "the estimate jumped",
     "jump_m": "odometry jumped",
     "within_s": "between two updates, in",
     "usual_speed": "otherwise odometry goes at most at (m/s)",
@@ -105,9 +106,21 @@ def say_cause(failure: Failure, scale: Scale) -> str:
     """Return the cause as a clause: "the robot was carried 2.13 m at step 18, unseen by its odometry"."""
     clause = (laser_causes.CLAUSES if failure.has_laser else CLAUSES).get(failure.kind)
     if failure.kind == kinds.UNKNOWN and not failure.truth_known:
-        return f"{say_rival(failure, scale) or _off_beams(failure)}{WITHOUT_TRUTH}"
+        known = say_rival(failure, scale) or _off_beams(failure)
+        return f"{_estimate_jump(failure, scale)}{known}{WITHOUT_TRUTH}"
     text = UNEXPLAINED if clause is None else clause(failure, failure.evidence, scale)
+    if failure.kind == kinds.UNKNOWN and (jump := _estimate_jump(failure, scale)):
+        text = f"{jump}{NOT_KNOWN}"
     return text if failure.truth_known else f"{text}{WITHOUT_TRUTH}"
+
+
+def _estimate_jump(failure: Failure, scale: Scale) -> str:
+    """Return how far the estimate jumped, as the beginning of a clause; empty where it did not."""
+    e = failure.evidence
+    if "estimate_jump_m" not in e:
+        return ""
+    jumped = f"the estimate jumped {scale.say(float(e['estimate_jump_m']))} at step {failure.first}"
+    return f"{jumped}, where odometry says {scale.say(float(e['driven_m']))}; "
 
 
 def say_rival(failure: Failure, scale: Scale) -> str:

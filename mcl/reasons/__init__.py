@@ -3,7 +3,7 @@
 - `explanation`: why one reference is believed, and where another one loses
 - `causes`: the one table of causes of failures, and of the incidents that belong to them: what befell the
   robot or its camera during a drive
-- `evidence`, `surroundings`: the few numbers of each step, and what the library says of a place
+- `evidence`, `surprise`, `surroundings`: the few numbers of each step, and what the library says of a place
   and one episode with its evidence, which `drive_rules`, `picture_rules` and `laser_rules` judge
 - `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth; `rivals`: what
   another run over the drive tells of it

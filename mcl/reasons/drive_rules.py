@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from .causes import (
     OUT_OF_PLANE,
     PROPOSAL,
     RESAMPLING,
+    UNKNOWN,
     Failure,
     Value,
 )
@@ -92,6 +94,24 @@ def odometry_jumps(story: Story) -> Failure | None:
             moved = {} if update.moved_m is None else {"moved_m": update.moved_m}
             jump = {"jump_m": update.driven_m, "within_s": update.after_s or 0.0}
             return story.failure(MOTION, update.step, **jump, usual_speed=usual_m_s, **moved)
+    return None
+
+
+def estimate_jump(update: UpdateEvidence) -> dict[str, Value]:
+    """Return how far the estimate jumped where odometry did not, as evidence; empty where it did not."""
+    if update.estimate_m - update.driven_m <= update.lost_m:
+        return {}
+    return {"estimate_jump_m": update.estimate_m, "driven_m": update.driven_m}
+
+
+def recorded_jump(story: Story) -> Failure | None:
+    """The estimate of a recorded localizer with a laser jumped to a wrong place; its filter is not here."""
+    updates = story.updates
+    if any(u.surprise is not None for u in updates) or all(u.scan is None for u in updates):
+        return None
+    for before, update in pairwise(story.where(story.window, lambda u: True)):
+        if before.score.correct and update.score.correct is False and (jump := estimate_jump(update)):
+            return story.failure(UNKNOWN, update.step, **jump)
     return None
 
 

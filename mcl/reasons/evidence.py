@@ -5,75 +5,25 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
-from ..filter.motion import MotionModel
 from ..scoring.episodes import Episode, EpisodeFinder
 from ..scoring.lost_signal import evidence_by_channels
 from ..scoring.metrics import StepScore
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER, Laser
-from ..values import F32, F64, INCH_M, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
+from ..values import F32, F64, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping
 from .causes import Failure, Value, driven
+from .surprise import Surprise, surprise
 from .surroundings import LightFit, PlaceFit, Surroundings, UsualFit, layout_fit, mean_level
 
 MOVED_LEAST = 0.01  # m or rad, from which on the next picture must differ
-DRAWS, KEPT = 200, 32  # particles that stand for the model; movements with noise of their own
-TOGETHER = (0.1, 0.1, float(np.radians(2)))  # m, m, rad: standard deviations of a cloud that found itself
-TRUTH_M, TRUTH_RAD = INCH_M, float(np.radians(2))  # accuracy of a true pose
-
-
-@dataclass(frozen=True, slots=True)
-class Surprise:
-    """A true movement beside the model's, in the frame of the movement's end, in standard deviations."""
-
-    forward: float
-    left: float
-    turn: float
-    growth: float = 0.0  # nats by which the movement widens a cloud that had found itself
-
-    @property
-    def largest(self) -> float:
-        """The largest of the three, without its sign."""
-        return max(abs(self.forward), abs(self.left), abs(self.turn))
-
-    @property
-    def axis(self) -> str:
-        """Which of the three that is."""
-        return max(("forward", "left", "turn"), key=lambda name: abs(getattr(self, name)))
-
-
-@lru_cache(1)
-def _noise() -> F32:
-    """Standard normals (KEPT, DRAWS, 3): the same for every movement, so that nothing depends on chance."""
-    return np.random.default_rng(1).standard_normal((KEPT, DRAWS, 3)).astype(np.float32)
-
-
-def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: F64) -> Surprise:
-    """Compare the true movement between two poses (3,) with what a model makes of motions (M, 3)."""
-    start = before - np.append(origin, 0.0)
-    poses: F32 = np.tile(start.astype(np.float32), (DRAWS, 1))
-    for number, motion in enumerate(motions):
-        poses = model.move(poses, origin, motion, _noise()[number % KEPT])
-    ends = poses.astype(np.float64)
-    mean = ends.mean(axis=0)
-    heading = float(np.arctan2(np.sin(ends[:, 2]).mean(), np.cos(ends[:, 2]).mean()))
-    spread = ends - mean
-    spread[:, 2] = wrap(ends[:, 2] - heading)
-    off = after - np.append(origin, 0.0) - mean
-    off[2:] = wrap(after[2:] - heading)
-    c, s = np.cos(heading), np.sin(heading)
-    turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    sd = np.sqrt((spread @ turned.T).var(axis=0) + np.square([TRUTH_M, TRUTH_M, TRUTH_RAD]))
-    forward, left, turn = (turned @ off / sd).tolist()
-    growth = float(np.log1p(spread.var(axis=0) / np.square(TOGETHER)).sum() / 2)
-    return Surprise(forward, left, turn, growth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +55,7 @@ class UpdateEvidence:
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
     driven_m: float = 0.0  # odometry says
+    estimate_m: float = 0.0  # the estimate moved
     surprise: Surprise | None = None  # of the true movement, to the motion model
     near: NearTruth | None = None  # the cloud around the truth
     reference_m: float | None = None  # from the truth to the nearest reference
@@ -136,12 +87,14 @@ class EvidenceFinder:
     surroundings: Surroundings | None = None  # made at the first update, unless runs over a drive share them
     scans: ScanFits | None = None  # over a map in place of references
     _before: Moment | None = None
+    _estimate: F64 | None = None  # of the update before
     _floor: str = ""  # that the log told last
     _tilt_deg: float | None = None
 
     def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
         """Return the evidence of the next update, which `episodes` have seen."""
         before, self._before = self._before, moment
+        last_estimate, self._estimate = self._estimate, record.estimate.pose
         if self.localizer is not None and before is None:
             lost_m, library = record.estimate.radii.lost_m, self.localizer.library
             self.surroundings = self.surroundings or Surroundings(self.localizer.sensor, lost_m)
@@ -178,6 +131,7 @@ class EvidenceFinder:
             gray=mean_level(frame.image),
             knows=episodes.signal.knows,
             driven_m=driven(motions),
+            estimate_m=_apart_m(record.estimate.pose, last_estimate),
             near=None if truth is None else near_truth(record, truth),
             moved_m=None if last is None or truth is None else float(np.hypot(*(truth - last)[:2])),
             began_together=before is None and self.scans is not None and _sd_m(record) < lost_m,
@@ -213,6 +167,10 @@ class EvidenceFinder:
             return {"scan": fit, "surprise": moved}
 
         return told
+
+
+def _apart_m(pose: F64, other: F64 | None) -> float:
+    return 0.0 if other is None else float(np.hypot(*(pose - other)[:2]))
 
 
 def _sd_m(record: StepRecord) -> float:

@@ -23,6 +23,7 @@ from .causes import KIDNAPPED, LIGHTING, UNKNOWN, VIEW, Failure
 from .drive_rules import (
     VERY_LONG_GAP,
     cloud_left,
+    estimate_jump,
     gap_before,
     has_left,
     odometry_jumps,
@@ -80,7 +81,7 @@ def _by_scans(story: Story) -> Failure:
         begin -= 1
     off = _scans([update for update in updates[begin:] if update.step <= story.episode.last])
     numbers = {"off_beams": float(np.median([fit.off for fit in off])), "scans": len(off)}
-    return story.failure(UNKNOWN, updates[begin].step, **numbers)
+    return story.failure(UNKNOWN, updates[begin].step, **estimate_jump(updates[begin]), **numbers)
 
 
 def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:

@@ -14,11 +14,16 @@ from helpers.lost_runs import ALL, GONE, LOST_AT, OFF, RIGHT, SINCE, UPDATES, st
 from helpers.lost_runs import healthy as healthy_run
 from maurice_mcl.reasons.causes import CAUSES, INCIDENTS
 from maurice_mcl.reasons.diagnosis import decide
-from maurice_mcl.reasons.evidence import Surprise
+from maurice_mcl.reasons.surprise import Surprise
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
 from maurice_mcl.reasons.suspicion import suspected
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.modes import NearTruth
+from maurice_mcl.sensor.laser.fit import ScanFit
+from maurice_viz.style import Scale, units_named
+from maurice_viz.text.causes import say_cause
+
+METERS = Scale(units_named("m"))
 
 UNSURE, BLIND = StepScore(0.1, 0.0, False, True, False), StepScore(None, None, True, None, None)
 FITS = PlaceFit(0.8, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
@@ -116,6 +121,17 @@ def test_a_jump_of_odometry_is_far_faster_than_it_ever_was():
     assert (found.kind, found.first, found.evidence["jump_m"]) == ("motion", at, 9.0)
     fast = [healthy(step, driven_m=3.0, moved_m=3.0 if step != at else 0.3) for step in ALL]
     assert "jump_m" not in decided(fast).evidence  # wheels that spin go no faster than they do
+
+
+def test_the_jump_of_a_recorded_estimate_is_told_and_no_cause_is_made_up():
+    changes = {"surprise": None, "near": None, "fit": None, "scan": ScanFit(0.05)}
+    updates = [healthy(step, **changes, **({"estimate_m": 5.0} if step == 11 else {})) for step in ALL]
+    found = decided(updates)
+    assert (found.kind, found.first) == ("unknown", 11)
+    assert found.evidence == {"estimate_jump_m": 5.0, "driven_m": 0.3}
+    assert "the estimate jumped 5.00 m at step 11, where odometry says 0.30 m" in say_cause(found, METERS)
+    own = [healthy(step, **({"estimate_m": 5.0} if step == 11 else {})) for step in ALL]
+    assert decided(own).kind == "impoverished"  # of a filter of ours more is known
 
 
 @pytest.mark.parametrize(("nowhere", "told"), [(2, {"to_reference_m": 1.1}), (4, {})])
