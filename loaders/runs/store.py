@@ -90,10 +90,10 @@ def open_run(folder: str | Path) -> SavedRun:
 
         >>> from maurice_loaders import InputError, open_run
         >>> try:
-        ...     open_run("session")
+        ...     open_run("session.log")
         ... except InputError as error:
         ...     print(error)
-        session: found a recording (session-log), expected a saved run's folder; make one with: ...
+        session.log: found a recording (session-log), expected a saved run's folder; make one with: ...
     """
     folder = Path(folder)
     manifest = read_manifest(folder)

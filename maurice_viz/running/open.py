@@ -245,7 +245,7 @@ def make_runs(
     uses = [
         f"{run.label} uses {', '.join(run.localizer.sensor.names)}"
         for run, spec in zip(runs, specs, strict=True)
-        if spec.preset or spec.config  # a feature says it by its name
+        if (spec.preset or spec.config) and not spec.feature  # which says it by its name
     ]
     if uses:
         listener.remark("; ".join(uses))

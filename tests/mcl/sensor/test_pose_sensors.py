@@ -91,7 +91,9 @@ def test_a_sensor_of_ones_own_can_be_weighted(drive, truths, weight):
 
 
 def test_a_sensor_that_is_not_there_cannot_be_weighted(truths):
-    with pytest.raises(mcl.InputError, match=r"sensor\.weights: no channel called 'position'; there are"):
+    with pytest.raises(
+        mcl.InputError, match=r"sensor\.weights: no channel called 'position'; expected one of"
+    ):
         mcl.make_localizer(mcl.tiny_library(), settings={"sensor.weights": {"color": 1, "position": 0.5}})
     with pytest.raises(mcl.InputError, match="found the name of a channel, 'color'"):
         _made(Position(truths, name="color"))
