@@ -39,7 +39,7 @@ bench: .venv/installed-dev
 speed: .venv/installed-dev
 	$(BIN)/python -m benchmarks check
 
-# The thesis's trials, figures and claims (docs/thesis.md): half an hour on two quiet cores, and it goes on where it stopped.
+# The thesis's trials, figures and claims (docs/thesis.md): three quarters of an hour on two quiet cores, and it goes on where it stopped.
 # QUICK=--quick shows in a minute that it works, in folders of its own, and writes no docs.
 QUICK ?=
 thesis: .venv/installed-dev
