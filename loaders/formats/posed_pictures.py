@@ -10,7 +10,7 @@ Their worlds stand anyhow. Seen from above is as most pictures were held: with t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.text import MOST, PICTURES, natural_order, numbers, read_bounded, read_json, reading, show, text
 from ..reading.options import ReadingOptions
-from ..reading.plane import OutOfPlane, Plane, planar, plane_of, rotation
+from ..reading.plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
 from ..reading.recording import Note, Picture, Record, TruthPose
 from ._poses import read_picture
 from ._tables import Row, number_of, rows, words_of
@@ -30,6 +30,10 @@ from .registry import Format
 
 PERIOD_S = 0.1  # between two pictures: none of these formats has times
 MOST_BYTES = 64_000_000  # of transforms.json
+LEVEL: Pose = (
+    np.zeros(3),
+    np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
+)  # a level camera in a world with z up
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # from axes x right, y up, z back to x right, y down, z forward
 NO_TIMES = f"found no times: {1 / PERIOD_S:g} pictures a second are taken"
 NO_SCALE = (
@@ -76,7 +80,8 @@ class PosedPictures:
         """Return the plane that was asked for, else the one that is level by the pictures' tops."""
         poses = [(matrix[:3, 3], matrix[:3, :3]) for matrix in self._readable()]
         if self.options.plane not in (None, "auto"):
-            return plane_of(poses, self.options.plane)
+            plane = plane_of(poses, self.options.plane)
+            return replace(plane, forward=forward_axis(plane.place(*pose)[1] for pose in poses or [LEVEL]))
         up = -np.mean([turned[:, 1] for _, turned in poses] or [np.array([0.0, -1.0, 0.0])], axis=0)
         up /= max(float(np.linalg.norm(up)), 1e-9)
         first = np.eye(3)[int(np.argmin(np.abs(up)))]
