@@ -126,7 +126,7 @@ class EpisodeFinder:
     _recent: tuple[_Update, ...] = ()  # the last six whose truth is known
     _since: int = 0  # of them, how many a kidnapping does not part from now
     _off: int = 0  # updates in a row that were too far off
-    _knew: bool = False  # whether it knew where it is: right at the start, or once localized
+    _knew: bool = False  # whether it knew where it is: from the start, or once localized
     _given: int = 0  # the last step at which somebody gave the localizer a pose
     _open: bool = False  # whether the last episode is going on
     _doubts: bool = False  # whether the signal doubted the last update
@@ -170,7 +170,7 @@ class EpisodeFinder:
         self._since = 1 if kidnapped else self._since + 1
         self._off = self._off + 1 if score.lost else 0
         if not self.episodes and self.localized is None and score.correct is not None:
-            self._knew = score.correct is True  # however wide its cloud is: from here on it can get lost
+            self._knew = score.localized is True
             self._begin(SEARCHING, (update,))
         elif kidnapped and self._knew:
             self._drop_search()

@@ -37,6 +37,7 @@ def test_a_command_says_how_it_is_used(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["", "--help"])
+    monkeypatch.delitem(sys.modules, f"{name}.__main__", raising=False)  # which another test imports
     with pytest.raises(SystemExit):
         runpy.run_module(name, run_name="__main__")
     assert f"usage: python -m {name}" in capsys.readouterr().out
