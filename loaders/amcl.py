@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, fields
 from pathlib import Path
 from statistics import NormalDist
@@ -112,9 +112,12 @@ class AmclParameters:
     remarks: tuple[str, ...]  # what means nothing offline, and what is not known
 
 
-def read_amcl(file: Path) -> AmclParameters:
-    """Read AMCL's parameters from YAML, wherever in the file they are. InputError."""
-    given, several = _parameters(file)
+def read_amcl(file: Path, robot: Collection[str] = ()) -> AmclParameters:
+    """Read AMCL's parameters from YAML, wherever in the file they are. InputError.
+
+    Of several robots' those of `robot` are read: names of topics and frames, such as robot1/scan.
+    """
+    given, several = _parameters(file, robot)
     usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
     named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
     try:
@@ -126,7 +129,7 @@ def read_amcl(file: Path) -> AmclParameters:
     return meaning
 
 
-def _parameters(file: Path) -> tuple[Section, str]:
+def _parameters(file: Path, robot: Collection[str]) -> tuple[Section, str]:
     """Return the section of AMCL's parameters, and a remark where there are several. InputError without any.
 
     Every node of a robot has a section; AMCL's has names that no other localizer's has.
@@ -138,9 +141,26 @@ def _parameters(file: Path) -> tuple[Section, str]:
         expected = "expected laser_model_type, max_beams, alpha1 and the like, as in Nav2's nav2_params.yaml"
         others = "; it has names that emcl shares with it" if sections else ""
         raise InputError(file, f"found no parameters of AMCL, {expected}{others}")
-    first = next(iter(own))
-    several = f"found {len(own)} sections of AMCL's parameters ({', '.join(own)}): the first is used"
-    return _nested(own[first]), several if len(own) > 1 else ""
+    used, why = _of_robot(own, _namespaces(robot))
+    several = f"found {len(own)} sections of AMCL's parameters ({', '.join(own)}): {used} is used, {why}"
+    return _nested(own[used]), several if len(own) > 1 else ""
+
+
+_ROBOTS_OWN = ("scan_topic", "base_frame_id", "odom_frame_id")  # parameters that may name a robot
+
+
+def _of_robot(sections: Mapping[str, Section], robot: Set[str]) -> tuple[str, str]:
+    """Return the section with most of a robot's namespaces and least of others', and why it is used."""
+    of = {name: _namespaces([name, *map(part.get, _ROBOTS_OWN)]) for name, part in sections.items()}
+    used = max(sections, key=lambda name: (len(of[name] & robot), -len(of[name] - robot)))
+    shared = ", ".join(sorted(of[used] & robot))
+    return used, f"as the recording is of {shared}" if shared else "as the recording names no robot of these"
+
+
+def _namespaces(names: Iterable[Any]) -> Set[str]:
+    """Return what stands before the last part of names, such as robot1 of the topic /robot1/scan."""
+    parts = (name.strip("/").split("/")[:-1] for name in names if isinstance(name, str))
+    return {part for one in parts for part in one if part.strip("*")}
 
 
 def _nested(given: Section) -> Section:
@@ -157,14 +177,18 @@ def _known(mapping: Mapping[Any, Any]) -> int:
 
 
 def _sections(document: Any) -> Iterator[tuple[str, Section]]:
-    """Yield the mappings in a document, each once, by the name of their node; references may be endless."""
-    left, seen = deque([("the file", document)]), set[int]()
+    """Yield the mappings in a document, each once, by the path to them; references may be endless."""
+    left, seen = deque([("", document)]), set[int]()
     while left:
         name, value = left.popleft()
         if isinstance(value, Section) and id(value) not in seen:
             seen.add(id(value))
-            yield name, value
-            left += [(name if key == "ros__parameters" else str(key), part) for key, part in value.items()]
+            yield name or "the file", value
+            left += [(_below(name, key), part) for key, part in value.items() if isinstance(part, Section)]
+
+
+def _below(name: str, key: Any) -> str:
+    return name if key == "ros__parameters" else f"{name}/{str(key).strip('/')}"
 
 
 def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> AmclParameters:

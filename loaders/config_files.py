@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,13 +39,13 @@ USED_IF: Mapping[str, Callable[[FilterParameters], bool]] = {
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
 
 
-def read_config(path: Path) -> Layer:
+def read_config(path: Path, robot: Collection[str] = ()) -> Layer:
     """Read a configuration file, or AMCL's parameters as YAML; what its keys mean is checked later.
 
-    InputError for one that is neither.
+    `robot` as `read_amcl` takes it. InputError for one that is neither.
     """
     if path.suffix.lower() in ENDINGS:
-        return Layer(str(path), read_amcl(path).settings)
+        return Layer(str(path), read_amcl(path, robot).settings)
     if path.suffix.lower() in (".launch", ".xml", ".py"):
         dump = "`rosparam dump FILE.yaml` or `ros2 param dump /amcl` writes a running robot's"
         raise InputError(path, f"found a launch file, expected AMCL's parameters as YAML; {dump}")
@@ -62,14 +62,18 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 
 
 def configuration_of(
-    preset: str | None, file: Path | None, environment: Mapping[str, str], typed: Mapping[str, Any]
+    preset: str | None,
+    file: Path | None,
+    environment: Mapping[str, str],
+    typed: Mapping[str, Any],
+    robot: Collection[str] = (),
 ) -> Configuration:
     """Put together default, preset, file, environment and `typed`, the last one winning. InputError.
 
-    The setting `motion` of `typed` may name a file of motion parameters.
+    The setting `motion` of `typed` may name a file of motion parameters; `robot` is as `read_amcl` takes it.
     """
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
-    layers += [] if file is None else [read_config(file)]
+    layers += [] if file is None else [read_config(file, robot)]
     layers += environment_layers(environment)
     layers += [Layer("command line", {key: value}) for key, value in read_settings(typed).items()]
     try:

@@ -178,8 +178,14 @@ class RecordedLocalizer:
     """The localizer of a bag. InputError if the bag holds no particles, or is damaged."""
 
     def __init__(
-        self, path: Path, open_bag: OpenBag, options: ReadingOptions, topic: str | None = None
+        self,
+        path: Path,
+        open_bag: OpenBag,
+        options: ReadingOptions,
+        topic: str | None = None,
+        arena: Arena | None = None,
     ) -> None:
+        """Choose what is read; `topic` is the localizer's, `arena` counts in place of the bag's map."""
         self.path = path
         self._options = options
         with open_bag(path) as bag:
@@ -192,7 +198,7 @@ class RecordedLocalizer:
                 self.cloud = named_topic(path, bag.topics, topic, CLOUDS | POSES)
                 if known_type(self.cloud.type) in POSES:
                     self.pose = self.cloud
-            self._map = _map_in(path, bag)
+            self._map = arena or _map_in(path, bag)
             own = [topic.name for topic in (self.cloud, self.pose) if topic is not None]
             self._drive = BagRecording(path, open_bag, options, beside=[*own, *self._given])
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]

@@ -16,7 +16,7 @@ import numpy as np
 from maurice_mcl.values import F64, Camera, SessionInfo, compose, inverse, motion_between
 
 from ..errors import InputError, ReadingNotes
-from ..formats.registry import Format
+from ..formats.registry import Format, chosen
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
 from ..reading.recording import OdometryPose, Record, TruthPose
@@ -343,6 +343,18 @@ def _camera(name: str, calibration: Any) -> Camera:
 
 
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
+
+
+def names_read(path: Path, options: ReadingOptions) -> tuple[str, ...]:
+    """Return topics that are read of a bag, and their frames; none of what is no bag. InputError."""
+    name = chosen(path, options).name
+    if name not in BAGS:
+        return ()
+    topics = BagRecording(path, BAGS[name], options).chosen
+    with BAGS[name](path) as bag:
+        frames = [frame_of(first_of(bag, topic)) for topic in (topics.scan, topics.image) if topic]
+    moving = topics.odometry.frames if topics.odometry and topics.odometry.frames else ()
+    return (*topics.topics, *frames, *moving)
 
 
 def _format(name: str, what: str, looks_like: Callable[[Path], bool]) -> Format:

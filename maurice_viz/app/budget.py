@@ -54,7 +54,8 @@ def error_budget(
         if library is not None or spec != RunSpec() or options != ReadingOptions():
             raise OptionError(f"{source} holds trials: their filter is used, no option of a filter applies")
         return _of_trials(Path(source), listener)
-    session = open_session(source, read_as_amcl(options, [spec], listener), listener)
+    options, (spec,) = read_as_amcl(source, options, [spec], listener)
+    session = open_session(source, options, listener)
     asked = Path(library) if isinstance(library, str) else library
     references = open_library_for(session, asked, keep_going=options.keep_going, listener=listener)
     (run,) = make_runs(session, references, [spec], listener)

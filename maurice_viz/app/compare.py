@@ -24,6 +24,7 @@ from ..layouts import DETAILS
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running import open as opening
 from ..running.live import LiveOptions
+from ..running.open import AnySource
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.run_spec import RunSpec, settings_with, start_of
@@ -36,8 +37,6 @@ COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4
 SEVERAL = "comparison"  # stem of the recording where no single session gives it a name
 KINDS = "--feature, --preset, --particles, --seed, --start, --config and --set"
-
-AnySource = str | Path | RecordedSession
 
 
 def compare(
@@ -270,7 +269,7 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    reading = opening.read_as_amcl(reading, [spec], listener)
+    reading, (spec,) = opening.read_as_amcl(sources[0], reading, [spec], listener)
     sessions = [opening.open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)

@@ -88,8 +88,7 @@ def _replayed(
     report: Report,
 ) -> RunScores:
     """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
-    unfiltered = spec == RunSpec() and library is None
-    plain = unfiltered and output.save_run is None
+    plain = spec == RunSpec() and library is None and output.save_run is None
     if not isinstance(session, (str, Path)):
         return replay_source(session, library, [spec], output, reading, live, listener, report, alone=True)
     path = Path(session)
@@ -99,8 +98,9 @@ def _replayed(
         show_recording(path, listener, output)
         return RunScores(())
     if as_recorded:
-        if not unfiltered:
-            raise OptionError("--as-recorded runs no filter: only options of reading and of the output apply")
+        if spec != RunSpec() or isinstance(library, Library):
+            only = "only options of reading and of the output apply, and the path of a map"
+            raise OptionError(f"--as-recorded runs no filter: {only}")
         if live.listens(path):
             raise OptionError("--as-recorded reads a bag that is finished, not a live source")
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
@@ -110,7 +110,8 @@ def _replayed(
             check_run_target(output.save_run, force=output.force)
         from ..running.recorded import open_recorded, playback_of_recorded, recorded_to_save
 
-        recorded = open_recorded(path, reading)
+        place = None if library is None else Path(library)
+        recorded = open_recorded(path, reading, place)
         savers = None if output.save_run is None else saving(recorded_to_save(recorded, reading), output)
         named = output.named(["as recorded"])
         return play(playback_of_recorded(recorded, listener), named, listener, savers, report)
@@ -166,7 +167,7 @@ def replay_session(
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
-    reading = opening.read_as_amcl(reading, specs, listener)
+    reading, specs = opening.read_as_amcl(session, reading, specs, listener)
     opened = opening.open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None

@@ -8,8 +8,9 @@ import typer
 
 from maurice_loaders.config_files import check_config, configuration_of, to_toml
 
+from ..running.run_spec import RunSpec
 from .shared import options as opt
-from .shared.console import print_json
+from .shared.console import TO_CONSOLE, print_json
 from .shared.values import settings_of
 
 
@@ -25,6 +26,9 @@ def config(
     """
     if file is not None:
         check_config(file)
+        amcl = RunSpec(config=file).amcl
+        for text in () if amcl is None else amcl.remarks:
+            TO_CONSOLE.remark(f"{file}: {text}")
     effective = configuration_of(preset, file, os.environ, settings_of(settings))
     if json_output:
         print_json(

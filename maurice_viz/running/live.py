@@ -82,7 +82,7 @@ def follow_source(
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 
     command = None if live.on_lost is None else LossCommand(live.on_lost, listener)
-    reading = opening.read_as_amcl(reading, specs, listener)
+    reading, specs = opening.read_as_amcl(source, reading, specs, listener)
     output = replace(output, stem=STEM).named(words_of(specs))
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)

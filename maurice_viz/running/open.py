@@ -41,6 +41,7 @@ from .run_spec import RunSpec, Start
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
+AnySource = str | Path | RecordedSession
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
 
 
@@ -84,20 +85,26 @@ def start_pose(
     return typed_pose(start, units_named(info.display_units), START_WORDS)
 
 
-def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Listener) -> ReadingOptions:
+def read_as_amcl(
+    source: AnySource, reading: ReadingOptions, specs: Sequence[RunSpec], listener: Listener
+) -> tuple[ReadingOptions, list[RunSpec]]:
     """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
 
     All runs of one session share its moments: the first file of AMCL's decides. Remarks what means nothing
-    here, and which runs use other scans than they would alone. InputError.
+    here, and which runs use other scans than they would alone. Of a file for several robots those of the
+    recording's robot count. InputError.
     """
     remark = once(listener.remark)
+    if any(spec.amcl is not None for spec in specs):
+        names = _names_read(source, reading)
+        specs = [replace(spec, robot=names) for spec in specs]
     files = [spec.amcl for spec in specs]
     for spec, amcl in zip(specs, files, strict=True):
         for text in () if amcl is None else amcl.remarks:
             remark(f"{spec.config}: {text}")
-    first = next((amcl for amcl in files if amcl is not None), None)
+    first = next(filter(None, files), None)
     if first is None or (reading.min_distance_m, reading.min_angle_rad) != (None, None):
-        return reading
+        return reading, list(specs)
     gates = [SCAN_GATE if amcl is None else Gate(amcl.min_distance_m, amcl.min_angle_rad) for amcl in files]
     way_m, turn_rad = first.min_distance_m, first.min_angle_rad
     others = [spec.label for spec, gate in zip(specs, gates, strict=True) if gate != Gate(way_m, turn_rad)]
@@ -106,7 +113,17 @@ def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Li
             f"all runs use a scan after {way_m:g} m or {turn_rad:g} rad, as the first file of AMCL's says"
         )
         remark(f"{shared}; alone {' and '.join(others)} would use other scans")
-    return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad)
+    return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad), list(specs)
+
+
+def _names_read(source: AnySource, reading: ReadingOptions) -> tuple[str, ...]:
+    """Return topics and frames of a bag that is read, or those that are asked for of what is no bag."""
+    path = source.path if isinstance(source, RecordedSession) else Path(source)
+    if looks_like_bag(path):
+        from maurice_loaders.bags.recording import names_read
+
+        return names_read(path, reading)
+    return tuple(filter(None, (reading.scan_topic, reading.image_topic, reading.odometry_topic)))
 
 
 MAP_PICTURES = (".pgm", ".png")

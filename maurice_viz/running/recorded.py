@@ -14,6 +14,7 @@ from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.config_files import configuration_of, to_toml
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
+from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import PLACEHOLDER
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
@@ -63,6 +64,7 @@ class AsRecorded:
     overview: Overview
     label: str
     findings: ReadingNotes
+    place: Path | None = None  # a map beside the bag
     unweighted: int = 0  # clouds so far whose weights were of no use, and count as equal
     _begin_s: float | None = field(init=False, default=None)
 
@@ -146,10 +148,11 @@ def _log_weights(weights: F64 | None) -> F64 | None:
         return normalize(np.log(weights))[0]
 
 
-def open_recorded(path: Path, options: ReadingOptions) -> list[AsRecorded]:
+def open_recorded(path: Path, options: ReadingOptions, place: Path | None = None) -> list[AsRecorded]:
     """Open the localizers of a bag that `localizer_topic` names, or the one that is detected.
 
-    InputError for what is no bag, and for one without particles.
+    `place` is a map or library for a bag without `/map`. InputError for what is no bag, and for one without
+    particles.
     """
     name = chosen(path, options).name
     if name not in BAGS:
@@ -159,7 +162,7 @@ def open_recorded(path: Path, options: ReadingOptions) -> list[AsRecorded]:
     rest = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
     if rest.corrections:
         raise InputError(path, f"--as-recorded shows a bag as it is, expected no {rest.corrections[0]}")
-    return [_opened(path, name, options, topic) for topic in _topics(path, options)]
+    return [_opened(path, name, options, topic, place) for topic in _topics(path, options)]
 
 
 def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
@@ -172,10 +175,13 @@ def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
     return names
 
 
-def _opened(path: Path, bag: str, options: ReadingOptions, topic: str | None) -> AsRecorded:
-    localizer = RecordedLocalizer(path, BAGS[bag], options, topic)
+def _opened(
+    path: Path, bag: str, options: ReadingOptions, topic: str | None, place: Path | None
+) -> AsRecorded:
+    arena = None if place is None else open_library(place).arena
+    localizer = RecordedLocalizer(path, BAGS[bag], options, topic, arena)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
-    return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))
+    return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going), place)
 
 
 def together(recorded: Sequence[AsRecorded]) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
@@ -286,7 +292,7 @@ def recorded_to_save(recorded: Sequence[AsRecorded], reading: ReadingOptions) ->
                 has_truth=scene.has_truth,
                 keep_going=reading.keep_going,
                 session=bag,
-                library=bag,
+                library=bag if recorded[0].place is None else source_of(recorded[0].place, folder),
                 library_content=library_hash(library, ()),
                 configuration_sha256=sha256(text.encode()).hexdigest(),
                 versions=versions_now(),

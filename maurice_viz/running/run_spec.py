@@ -37,6 +37,7 @@ class RunSpec:
     start: Start = None  # see `start_pose`
     config: Path | None = None  # a configuration file, over the preset
     settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over all others
+    robot: tuple[str, ...] = ()  # the recording's topics and frames, which choose among AMCLs' parameters
     name: str = ""  # of the run; empty: after preset and feature, or its configuration file
 
     @classmethod
@@ -66,7 +67,7 @@ class RunSpec:
     def amcl(self) -> AmclParameters | None:
         """What AMCL's parameters say beyond the configuration; None without such a file. InputError."""
         is_amcl = self.config is not None and self.config.suffix.lower() in ENDINGS
-        return read_amcl(self.config) if is_amcl and self.config is not None else None
+        return read_amcl(self.config, self.robot) if is_amcl and self.config is not None else None
 
     def configuration(self) -> Configuration:
         """Return the effective values: default, preset, file, environment, then what is given here.
@@ -77,7 +78,7 @@ class RunSpec:
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
         given = combined(self.settings, self.feature, self.particles)
         try:
-            return configuration_of(self.preset, self.config, os.environ, given)
+            return configuration_of(self.preset, self.config, os.environ, given, self.robot)
         except InputError as problem:
             if str(problem.file) == COMMAND_LINE:
                 raise OptionError(problem.message) from None

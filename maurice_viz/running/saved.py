@@ -75,7 +75,9 @@ def recording_path(run: SavedRun) -> Path:
 def frames_of(run: SavedRun) -> RecordedFrames:
     """Open what a bag holds beside a recorded localizer's run. InputError when it is gone or was changed."""
     reading = replace(run.manifest.reading, keep_going=run.manifest.keep_going)
-    return RecordedFrames(open_recorded(recording_path(run), reading))
+    has_map = run.manifest.library.path != run.manifest.session.path  # else the bag's own, if any
+    place = unchanged(run.manifest.library, run.folder, "map") if has_map else None
+    return RecordedFrames(open_recorded(recording_path(run), reading, place))
 
 
 def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:

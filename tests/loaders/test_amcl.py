@@ -273,6 +273,31 @@ def test_of_several_sections_the_first_is_used_and_named(tmp_path):
     assert "2 sections of AMCL's parameters (/robot1/amcl, /robot2/amcl)" in parameters.remarks[0]
 
 
+ROBOTS = {
+    "their nodes": ("/r1/amcl", {}, "/r2/amcl", {}),
+    "nested namespaces": ("r1:\n amcl", {}, "r2:\n amcl", {}),
+    "their frames": ("one", {"base_frame_id": "r1/base_link"}, "two", {"base_frame_id": "r2/base_link"}),
+    "their scans": ("one", {"scan_topic": "/r1/scan"}, "two", {"scan_topic": "/r2/scan"}),
+    "one has none": ("/r1/amcl", {}, "/**/amcl", {}),
+}
+
+
+@pytest.mark.parametrize("told_by", ROBOTS)
+@pytest.mark.parametrize(
+    ("names", "expected"), [(("/r2/scan",), 2), (("scan", "r2/laser"), 2), (("/r1/scan", "laser"), 1)]
+)
+def test_of_several_robots_the_recordings_is_read(tmp_path, told_by, names, expected):
+    nodes = ROBOTS[told_by]
+    text = ""
+    for number, node, more in ((1, *nodes[:2]), (2, *nodes[2:])):
+        values = {"alpha1": 0.1, "max_beams": 60, "max_particles": 1000 + number} | more
+        text += f"{node}:\n  ros__parameters: {{{', '.join(f'{k}: {v}' for k, v in values.items())}}}\n"
+    parameters = read_amcl(_file(tmp_path, text), names)
+    assert parameters.settings["particles"] == 1000 + expected
+    if told_by != "one has none":
+        assert parameters.remarks[0].endswith(f"as the recording is of r{expected}")
+
+
 def test_a_key_given_twice_is_no_matter_of_another_node_and_the_last_of_amcls(tmp_path):
     twice = "other: {a: 1, a: 2}\n" + _nav2(max_beams=30) + "    max_beams: 40\n"
     parameters = read_amcl(_file(tmp_path, twice))

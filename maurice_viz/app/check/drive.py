@@ -152,7 +152,8 @@ def check_drive(
         saved = only_run(Path(source))
         if saved.manifest.recorded:
             return replace(_check_recorded(saved, asked, taken, listener), took_s=time.perf_counter() - began)
-    asked = replace(asked, reading=read_as_amcl(asked.reading, [asked.spec], listener))
+    reading, (spec,) = read_as_amcl(source, asked.reading, [asked.spec], listener)
+    asked = replace(asked, reading=reading, spec=spec)
     session = open_session(source, asked.reading, listener)
     keep_going = asked.reading.keep_going
     library = open_library_for(session, asked.library, keep_going=keep_going, listener=listener)

@@ -170,3 +170,12 @@ def test_errors_of_every_layer_begin_with_their_origin(tmp_path):
     ):
         with pytest.raises(InputError, match=f"^{origin}: "):
             configuration_of(preset, None, environment, typed)
+
+
+def test_what_a_replay_leaves_out_of_amcls_parameters_is_said(tmp_path):
+    file = tmp_path / "nav2.yaml"
+    file.write_text(
+        "amcl: {alpha1: 0.1, max_beams: 60, laser_model_type: beam, alhpa2: 3, tf_broadcast: true}"
+    )
+    said = _run("--amcl", file).stderr
+    expect_facts(said, "mean nothing in a replay: tf_broadcast", "not AMCL's, left out: 'alhpa2'")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,12 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.ros_maps import write_ros_map
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
+from maurice_mcl.values import OccupancyMap
 from maurice_mcl.values.library import Radii
 from maurice_viz.app.check.check import check
 from maurice_viz.app.convert import export
@@ -192,3 +195,38 @@ def test_what_amcl_itself_did_without_truth_is_suspected_by_its_scans(tmp_path):
     assert "of the beams disagree with the map at the estimate; the cause is not known" in words
     assert "carried away" not in words
     assert "picture" not in words
+
+
+def test_a_map_beside_a_bag_without_one_is_drawn_and_kept(bag: Path, tmp_path: Path) -> None:
+    """It is the map of the run, as one in the bag would be, also of the saved run."""
+    without = [said for said in making.laser_amcl_drive(Ros(2)) if said.topic != "/map"]
+    drive = making.write_ros2(tmp_path / "drive", without)
+    map_file, kept = tmp_path / "map.yaml", tmp_path / "kept"
+    write_ros_map(OccupancyMap(np.array([[1, 0], [0, 1]], np.uint8), 2.5, np.array([-3.0, 4.0])), map_file)
+    run(drive, "--as-recorded", "--map", map_file, "-o", "none", "--save-run", kept)
+    for arena in (open_run(kept).arena(), open_saved(kept).scene.library.arena):
+        assert arena.bounds == pytest.approx((-3, 4, 2, 9))
+        assert arena.occupancy is None or arena.occupancy.cells.tolist() == [[1, 0], [0, 1]]
+    assert open_saved(kept).scene.library.occupancy is not None
+    refused = run(drive, "--as-recorded", "--map", tmp_path / "none.yaml", "-o", "none", expect=1)
+    assert "none.yaml" in refused.stderr
+
+
+def test_of_amcls_parameters_for_several_robots_those_of_the_recordings_are_used(tmp_path: Path) -> None:
+    def of_second(said: making.Said) -> making.Said:
+        return said if said.topic == "/tf_static" else replace(said, topic=f"/r2{said.topic}")
+
+    drive = making.write_ros2(tmp_path / "bag", [*map(of_second, making.laser_amcl_drive(Ros(2)))])
+    map_file, file = tmp_path / "map.yaml", tmp_path / "nav2.yaml"
+    cells = np.zeros((80, 120), np.uint8)
+    cells[[0, -1]] = 1
+    write_ros_map(OccupancyMap(cells, 0.1, np.zeros(2)), map_file)
+    nodes = [
+        f"/r{k}/amcl:\n ros__parameters: {{alpha1: 0.1, max_beams: 60, max_particles: 60{k}}}" for k in (1, 2)
+    ]
+    file.write_text("\n".join(nodes))
+    kept = tmp_path / "kept"
+    args = ["--map", map_file, "--amcl", file, "--start", "truth", "--set", "resampling.kld.least=500"]
+    said = run(drive, *args, "-o", "none", "--save-run", kept).stderr
+    assert "/r2/amcl is used, as the recording is of r2" in said
+    assert open_run(kept).configuration.parameters.particles == 602
