@@ -17,6 +17,7 @@ from .files.maps import check_span, read_map
 from .files.text import show
 from .files.writing import FolderKind, new_folder
 from .formats.picture_folder import open_table
+from .formats.video import ENDINGS as VIDEOS
 from .reading.options import ReadingOptions
 from .reading.recording import Picture, Record, Recording, RecordingWrapper, TruthPose, checked
 from .reading.session import RecordedSession, with_stated_view
@@ -115,7 +116,7 @@ class ImportSummary:
 
 
 def import_pictures(
-    folder: Path | str,
+    pictures: Path | str,
     poses_csv: Path,
     out: Path,
     reading: ReadingOptions | None = None,
@@ -127,12 +128,14 @@ def import_pictures(
 ) -> ImportSummary:
     """Split pictures with poses into a library and a drive; `out` appears completely or not.
 
-    `map_lines` is a file of wall segments in `map_unit`, or a ROS map.yaml; every so many-th run of equal
-    poses is the session's. Where the table has no odometry, it is made from the poses plus noise. InputError
-    for bad files, poses too far apart, a split that leaves nothing, or an `out` that exists.
+    `pictures` is the folder that their names start from, or a video: its frames by the table's rows, or by a
+    column of their numbers. `map_lines` is a file of wall segments in `map_unit`, or a ROS map.yaml; every so
+    many-th run of equal poses is the session's. Where the table has no odometry, it is made from the poses
+    plus noise. InputError for bad files, poses too far apart, a split that leaves nothing, or an `out` that
+    exists.
     """
     options = replace(reading or ReadingOptions(), table=poses_csv)
-    table = open_table(_existing(folder), options)
+    table = open_table(_existing(pictures), options)
     recording = corrected(table, options)
     rows = read_rows(recording)
     if not rows:
@@ -215,11 +218,13 @@ def _write_survey(file: Path, pictures: RecordedSession) -> None:
 
 
 def _existing(folder: Path | str) -> Path:
-    """Refuse what is no folder, "" too: as a Path it would be the working directory."""
-    if not str(folder) or not Path(folder).is_dir():
+    """Refuse what is neither folder nor video, "" too: as a Path it would be the working directory."""
+    path = Path(folder)
+    is_video = path.suffix.lower() in VIDEOS and path.is_file()
+    if not str(folder) or not (is_video or path.is_dir()):
         fault = f"found no such folder {show(str(folder))}"
-        raise InputError(Path(folder), f"{fault}, expected the one that picture names start from")
-    return Path(folder)
+        raise InputError(path, f"{fault}, expected the one that picture names start from, or a video")
+    return path
 
 
 def _keys(rows: Sequence[PoseRow], numbers: Sequence[int]) -> frozenset[tuple[float, str]]:

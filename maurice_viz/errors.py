@@ -77,3 +77,15 @@ SILENT: Listener = SilentListener()
 def progress_of(listener: Listener, what: str) -> Callable[[int, int], None]:
     """Return the callback `(done, total)` that functions of the lower packages take, under one name."""
     return lambda done, total: listener.progress(done, total, what)
+
+
+def once(tell: Callable[[str], None]) -> Callable[[str], None]:
+    """Return what passes on every text once: several runs often have the same to tell."""
+    texts = set[str]()
+
+    def tell_once(text: str) -> None:
+        if text not in texts:
+            texts.add(text)
+            tell(text)
+
+    return tell_once

@@ -103,8 +103,8 @@ def _opened(path: Path) -> cv2.VideoCapture:
     finally:
         cv2.utils.logging.setLogLevel(level)
     if not video.isOpened():
-        text = "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?"
-        raise InputError(path, text)
+        known = "expected MP4, AVI, Matroska or MPEG, whole, of a codec that OpenCV has"
+        raise InputError(path, f"cannot be opened as a video, {known}; `ffmpeg -i IN OUT.mp4` makes one")
     try:
         expect_size(int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT)))
     except PictureError as problem:

@@ -15,8 +15,8 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.values import F64, Library
 
 from ..errors import SILENT, Listener, OptionError, progress_of
-from ..running.open import make_runs, open_library_for, open_session, read_as_amcl
-from ..running.run_spec import RunSpec
+from ..running.open import make_runs, open_library_for, open_session
+from ..running.run_spec import RunSpec, read_as_amcl
 
 MOST_DRIVES = 10  # of a folder of trials
 WORKING = "error budget"

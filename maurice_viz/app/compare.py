@@ -24,10 +24,9 @@ from ..layouts import DETAILS
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running import open as opening
 from ..running.live import LiveOptions
-from ..running.open import AnySource
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
-from ..running.run_spec import RunSpec, settings_with, start_of
+from ..running.run_spec import AnySource, RunSpec, read_as_amcl, settings_with, start_of
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
 from .convert import only_run
@@ -269,7 +268,7 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    reading, (spec,) = opening.read_as_amcl(sources[0], reading, [spec], listener)
+    reading, (spec,) = read_as_amcl(sources[0], reading, [spec], listener)
     sessions = [opening.open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)

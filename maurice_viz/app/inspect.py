@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from maurice_loaders.doctor.examination import Examination, examine
+from maurice_loaders.doctor.findings import Evidence, Finding
 from maurice_loaders.doctor.inspection import Inspection, inspect_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent
@@ -131,8 +132,9 @@ def doctor(
     path, options = Path(session), reading or ReadingOptions()
     if to is not None:
         expect_absent(Path(to), force=force)
-    references = _library(path, library, options, listener) if pictures else None
+    references, unusable = _library(path, library, options, listener) if pictures else (None, [])
     examination = examine(path, options, references, progress_of(listener, "pictures"))
+    examination = replace(examination, findings=(*unusable, *examination.findings))
     if to is not None and examination.fixed != options:
         write_reading(to, examination.fixed, force=force)
     return examination
@@ -140,19 +142,19 @@ def doctor(
 
 def _library(
     session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
-) -> Library | None:
-    """Open the library that was asked for; else the header's or the bag's map, if it is there."""
+) -> tuple[Library | None, list[Finding]]:
+    """Open the library that was asked for; else the header's or the bag's map, if it is there and of use."""
     opened = None if library else open_any(session, options)
     try:
         path = Path(library) if library else None if opened is None else library_of(opened, None)
     except InputError as problem:  # its own map is of no use, but all else can be looked at
-        listener.warning(problem.message)
-        return None
+        seen = Evidence("map-problem", {"problem": problem.message})
+        return None, [Finding("map-unusable", (seen,))]
     if not isinstance(path, Path) or (library is None and not path.exists()):
-        return None
+        return None, []
     if not path.exists():
         raise InputError(path, "found no such library or survey; name it with --library")
-    return library_at(path, listener)
+    return library_at(path, listener), []
 
 
 # Events of saved runs, found again without pictures, library or filtering.

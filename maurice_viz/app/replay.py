@@ -19,7 +19,7 @@ from ..running import open as opening
 from ..running.live import LiveOptions, follow_source
 from ..running.output import OutputOptions, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark
-from ..running.run_spec import RunSpec, words_of
+from ..running.run_spec import RunSpec, read_as_amcl, words_of
 from ..running.saving import Inputs, filters_to_save, saving
 from ..scene import RunView, Scene
 
@@ -167,7 +167,7 @@ def replay_session(
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
-    reading, specs = opening.read_as_amcl(session, reading, specs, listener)
+    reading, specs = read_as_amcl(session, reading, specs, listener)
     opened = opening.open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None

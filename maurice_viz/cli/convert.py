@@ -204,7 +204,9 @@ def build(
 
 
 def pictures(
-    folder: Annotated[str, argument("FOLDER", "The folder that the table's picture names are relative to.")],
+    folder: Annotated[
+        str, argument("FOLDER|VIDEO", "The folder of the table's pictures, or a video: a row a frame.")
+    ],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, opt.writes("DIR", "The folder to write.")],
     reading: opt.Reading = None,
@@ -216,7 +218,7 @@ def pictures(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Split a folder of pictures with known poses into a survey log and a session log.
+    """Split pictures with known poses into a survey log and a session log.
 
     The odometry is made from the steps between poses plus noise; the session's header notes this.
     """

@@ -22,7 +22,7 @@ from ..scene import RunView, Scene
 from . import open as opening
 from .output import OutputOptions
 from .run import Playback, Report, RunScores, play, remark_zeros
-from .run_spec import RunSpec, words_of
+from .run_spec import RunSpec, read_as_amcl, words_of
 from .saving import Inputs, filters_to_save, saving
 from .watch import LossCommand, Watch
 
@@ -82,7 +82,7 @@ def follow_source(
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 
     command = None if live.on_lost is None else LossCommand(live.on_lost, listener)
-    reading, specs = opening.read_as_amcl(source, reading, specs, listener)
+    reading, specs = read_as_amcl(source, reading, specs, listener)
     output = replace(output, stem=STEM).named(words_of(specs))
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)

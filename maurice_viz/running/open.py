@@ -19,7 +19,6 @@ from maurice_loaders.files.paths import look_again
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.observations import SCAN_GATE, Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_mcl.config.build import adapted, available, build_localizer
@@ -31,7 +30,7 @@ from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F64, Library, Radii, Session, SessionInfo
 
 from ..entities import RESERVED
-from ..errors import SILENT, Listener, OptionError, progress_of
+from ..errors import SILENT, Listener, OptionError, once, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.findings import brief
@@ -41,7 +40,6 @@ from .run_spec import RunSpec, Start
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
-AnySource = str | Path | RecordedSession
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
 
 
@@ -83,47 +81,6 @@ def start_pose(
             raise InputError(log, "found no truth to start from; give --start X,Y,HEADING or global")
         return pose
     return typed_pose(start, units_named(info.display_units), START_WORDS)
-
-
-def read_as_amcl(
-    source: AnySource, reading: ReadingOptions, specs: Sequence[RunSpec], listener: Listener
-) -> tuple[ReadingOptions, list[RunSpec]]:
-    """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
-
-    All runs of one session share its moments: the first file of AMCL's decides. Remarks what means nothing
-    here, and which runs use other scans than they would alone. Of a file for several robots those of the
-    recording's robot count. InputError.
-    """
-    remark = once(listener.remark)
-    if any(spec.amcl is not None for spec in specs):
-        names = _names_read(source, reading)
-        specs = [replace(spec, robot=names) for spec in specs]
-    files = [spec.amcl for spec in specs]
-    for spec, amcl in zip(specs, files, strict=True):
-        for text in () if amcl is None else amcl.remarks:
-            remark(f"{spec.config}: {text}")
-    first = next(filter(None, files), None)
-    if first is None or (reading.min_distance_m, reading.min_angle_rad) != (None, None):
-        return reading, list(specs)
-    gates = [SCAN_GATE if amcl is None else Gate(amcl.min_distance_m, amcl.min_angle_rad) for amcl in files]
-    way_m, turn_rad = first.min_distance_m, first.min_angle_rad
-    others = [spec.label for spec, gate in zip(specs, gates, strict=True) if gate != Gate(way_m, turn_rad)]
-    if others:
-        shared = (
-            f"all runs use a scan after {way_m:g} m or {turn_rad:g} rad, as the first file of AMCL's says"
-        )
-        remark(f"{shared}; alone {' and '.join(others)} would use other scans")
-    return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad), list(specs)
-
-
-def _names_read(source: AnySource, reading: ReadingOptions) -> tuple[str, ...]:
-    """Return topics and frames of a bag that is read, or those that are asked for of what is no bag."""
-    path = source.path if isinstance(source, RecordedSession) else Path(source)
-    if looks_like_bag(path):
-        from maurice_loaders.bags.recording import names_read
-
-        return names_read(path, reading)
-    return tuple(filter(None, (reading.scan_topic, reading.image_topic, reading.odometry_topic)))
 
 
 MAP_PICTURES = (".pgm", ".png")
@@ -267,18 +224,6 @@ def make_runs(
     if uses:
         listener.remark("; ".join(uses))
     return runs
-
-
-def once(tell: Callable[[str], None]) -> Callable[[str], None]:
-    """Return what passes on every text once: several runs often have the same to tell."""
-    texts = set[str]()
-
-    def tell_once(text: str) -> None:
-        if text not in texts:
-            texts.add(text)
-            tell(text)
-
-    return tell_once
 
 
 def fitted(

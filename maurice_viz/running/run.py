@@ -19,12 +19,12 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
 
-from ..errors import Listener, SinkError, Terminated
+from ..errors import Listener, SinkError, Terminated, once
 from ..playback import ResultCollector, RunResult
 from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
 from ..text.explanation_table import say_other_shape
-from .open import once, remark_skipped
+from .open import remark_skipped
 from .output import OutputOptions, drawing
 from .watch import Watch, write_rate
 

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from maurice_loaders.amcl import AmclParameters, read_amcl
+from maurice_loaders.bags.containers import looks_like_bag
 from maurice_loaders.config_files import configuration_of, motion_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.ros_maps import ENDINGS
+from maurice_loaders.reading.observations import SCAN_GATE, Gate
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.values import F64, expected_one_of
 
-from ..errors import OptionError
+from ..errors import Listener, OptionError, once
 
 COMMAND_LINE = "command line"  # the origin of settings in error messages
 
 
+AnySource = str | Path | RecordedSession
 Start = str | tuple[float, ...] | None  # words, or a pose in meters and radians
 
 
@@ -136,3 +141,44 @@ def check_name(name: str | None, known: Iterable[str], what: str) -> None:
     names = list(dict.fromkeys(known))
     if name is not None and name not in names:
         raise OptionError(f"no {what} called {name!r}; {expected_one_of(name, names)}")
+
+
+def read_as_amcl(
+    source: AnySource, reading: ReadingOptions, specs: Sequence[RunSpec], listener: Listener
+) -> tuple[ReadingOptions, list[RunSpec]]:
+    """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
+
+    All runs of one session share its moments: the first file of AMCL's decides. Remarks what means nothing
+    here, and which runs use other scans than they would alone. Of a file for several robots those of the
+    recording's robot count. InputError.
+    """
+    remark = once(listener.remark)
+    if any(spec.amcl is not None for spec in specs):
+        names = _names_read(source, reading)
+        specs = [replace(spec, robot=names) for spec in specs]
+    files = [spec.amcl for spec in specs]
+    for spec, amcl in zip(specs, files, strict=True):
+        for text in () if amcl is None else amcl.remarks:
+            remark(f"{spec.config}: {text}")
+    first = next(filter(None, files), None)
+    if first is None or (reading.min_distance_m, reading.min_angle_rad) != (None, None):
+        return reading, list(specs)
+    gates = [SCAN_GATE if amcl is None else Gate(amcl.min_distance_m, amcl.min_angle_rad) for amcl in files]
+    way_m, turn_rad = first.min_distance_m, first.min_angle_rad
+    others = [spec.label for spec, gate in zip(specs, gates, strict=True) if gate != Gate(way_m, turn_rad)]
+    if others:
+        shared = (
+            f"all runs use a scan after {way_m:g} m or {turn_rad:g} rad, as the first file of AMCL's says"
+        )
+        remark(f"{shared}; alone {' and '.join(others)} would use other scans")
+    return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad), list(specs)
+
+
+def _names_read(source: AnySource, reading: ReadingOptions) -> tuple[str, ...]:
+    """Return topics and frames of a bag that is read, or those that are asked for of what is no bag."""
+    path = source.path if isinstance(source, RecordedSession) else Path(source)
+    if looks_like_bag(path):
+        from maurice_loaders.bags.recording import names_read
+
+        return names_read(path, reading)
+    return tuple(filter(None, (reading.scan_topic, reading.image_topic, reading.odometry_topic)))

@@ -113,6 +113,7 @@ WHAT: Mapping[str, Text] = {
     ),
     "too-large": "{records} records hold numbers of more than {most:g}",
     "broken": "{records} records cannot be read",
+    "map-unusable": "the map that goes with the recording cannot be used",
     "time-unit": "times are in {unit}",
     "odometry-clock": "{sees} and odometry have no time in common",
     "truth-clock": "{sees} and truth have no time in common",
@@ -230,6 +231,7 @@ FIX: Mapping[str, Text] = {
         "--set sensor.laser.laser_min_range={range_m:.2f}, as in AMCL, or leave these beams out of the scans"
     ),
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
+    "map-unusable": "name another with --map map.yaml; correct what publishes this one",
     "map-frame": "correct origin in map.yaml, or give the truth in the map's frame",
     "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
     "map-place": (
@@ -286,6 +288,7 @@ EVIDENCE: Mapping[str, Text] = {
     "falling": "every reader refuses a time that falls",
     "limits": "a session log may not hold them; truth and odometry are at most {most:g} in size",
     "first-problem": "the first: {problem}",
+    "map-problem": "{problem}",
     "spans": (
         "{sees} go from {pictures_from_s:.3f} to {pictures_to_s:.3f} s, "
         "{name} from {from_s:.3f} to {to_s:.3f} s"

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.dialect_files import moving
 from maurice_loaders.doctor.inspection import inspect_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.pictures import encode_jpeg
@@ -279,3 +280,28 @@ def test_runs_are_maximal_and_nothing_of_the_library_is_within_the_guard(
 )
 def test_spread(length: int, most: int, chosen: list[int]) -> None:
     assert spread(range(length), most) == chosen
+
+
+def test_a_video_gives_the_pictures_of_a_tables_rows(tmp_path: Path) -> None:
+    """A row a frame, or those that a column names."""
+    shades = [5 * k for k in range(40)]
+    video, table = moving(tmp_path / "drive.avi", values=shades), tmp_path / "poses.csv"
+    rows = [f"{k},{0.6 * k},0,0" for k in range(39, -1, -1)]
+    table.write_text("\n".join(["frame,x_m,y_m,heading_deg", *rows]))
+    summary = import_pictures(video, table, tmp_path / "out", every=EVERY)
+    assert (summary.session_pictures, summary.library_pictures) == (10, 30)
+    for moment in open_session(summary.session).moments():
+        assert moment.truth is not None
+        assert moment.frame.image.mean() == pytest.approx(5 * moment.truth[0] / 0.6, abs=3)
+
+
+def test_a_video_that_cannot_be_decoded_and_what_is_none_are_one_line(tmp_path: Path) -> None:
+    table = tmp_path / "poses.csv"
+    table.write_text("x_m,y_m,heading_deg\n" + "".join(f"{0.6 * k},0,0\n" for k in range(40)))
+    foreign = moving(tmp_path / "drive.avi", values=[5 * k for k in range(40)])
+    foreign.write_bytes(foreign.read_bytes().replace(b"MJPG", b"QQQQ"))  # a codec that nobody has
+    with pytest.raises(InputError, match=r"drive.avi: cannot be opened as a video.*codec.*ffmpeg"):
+        import_pictures(foreign, table, tmp_path / "out", every=EVERY)
+    with pytest.raises(InputError, match=r"poses.csv: found no such folder .* or a video"):
+        import_pictures(table, table, tmp_path / "out", every=EVERY)
+    assert not (tmp_path / "out").exists()

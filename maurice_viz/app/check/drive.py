@@ -39,10 +39,9 @@ from ...running.open import (
     open_library_for,
     open_session,
     overview_of,
-    read_as_amcl,
     remark_skipped,
 )
-from ...running.run_spec import RunSpec
+from ...running.run_spec import RunSpec, read_as_amcl
 from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
 from ..convert import only_run

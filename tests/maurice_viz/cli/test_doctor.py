@@ -234,6 +234,19 @@ def test_a_bags_own_map_is_what_its_scans_are_compared_with(tmp_path):
     assert json.loads(run("inspect", bare, "--json").stdout)["has_map"] is False
 
 
+def test_a_bags_map_that_is_of_no_use_is_a_finding(tmp_path):
+    pytest.importorskip("rosbags", reason="the extra ros is not installed")
+    from helpers import bags
+
+    drive = bags.laser_amcl_drive(bags.Ros(2))
+    (grid,) = (said.message for said in drive if said.topic == "/map")
+    grid.info.origin.position.x = float("nan")
+    done = run("doctor", bags.write_ros2(tmp_path / "bag", drive), "--strict", expect=1)
+    expect_facts(
+        done.stdout, "cannot be used [map-unusable]", "/map", "origin at (nan, 0, 0)", "--map map.yaml"
+    )
+
+
 def test_a_fix_names_the_map_as_it_was_typed(tmp_path, small_session):
     occupancy = tmp_path / "map.yaml"
     cv2.imwrite(str(tmp_path / "map.pgm"), np.pad(np.full((38, 38), 254, np.uint8), 1))
