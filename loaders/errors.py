@@ -15,6 +15,10 @@ class SourceError(InputError):
         self.args = (f"{name}{'' if line is None else f':{line}'}: {self.message}",)
 
 
+class TakenError(InputError):
+    """What is to be written exists already, or by now: another process was faster."""
+
+
 class BadValueError(InputError, ValueError):
     """A bad value; the caller that knows the file adds it."""
 

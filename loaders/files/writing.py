@@ -6,6 +6,7 @@ that it was written here, and all its files are such as that kind of folder has 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -19,9 +20,12 @@ from pathlib import Path
 
 import platformdirs
 
-from ..errors import InputError
+from ..errors import InputError, TakenError
 
 MOST_MARK_BYTES = 64 * 2**20  # of the file that tells whose a folder is; a manifest has some kilobytes
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # an error of these has no file
+MAKE_ROOM = "free some space, or write to another disk"
+TAKEN = "was written by another process meanwhile; write elsewhere, or replace it with --force"
 OUR_PARTS = r"(?:.*/)?\.[^/]+\.part(?:\.\w+)?"  # what a killed process leaves in any folder
 
 
@@ -84,7 +88,7 @@ def expect_absent(file: Path, *, force: bool, form: str | None = None) -> None:
     if file.exists() and not file.is_file():  # a device would be replaced by a file
         raise InputError(file, "found a device or pipe, expected the name of a file to write")
     if file.exists() and not force:
-        raise InputError(file, "exists already; write elsewhere, or replace it with --force")
+        raise TakenError(file, "exists already; write elsewhere, or replace it with --force")
     if form is not None and file.exists() and file.stat().st_size and format_of(file) != form:
         raise InputError(file, f"is not replaced: expected a file of format {form!r}; write elsewhere")
 
@@ -96,7 +100,7 @@ def check_target(target: Path, *kinds: FolderKind, force: bool) -> None:
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
         return
     if not force:
-        raise InputError(target, "exists already; write elsewhere, or replace it with --force")
+        raise TakenError(target, "exists already; write elsewhere, or replace it with --force")
     kind = next((kind for kind in kinds if kind.is_here(target)), None)
     stranger = None if not kinds or not target.is_dir() else (kind or kinds[0]).stranger(target)
     if kind is not None and stranger is None:
@@ -144,12 +148,25 @@ def filling(target: Path, *, force: bool, suffix: str = "", form: str | None = N
         with writing(target):
             yield part
             if part.exists():
-                part.replace(target)
+                appear(part, target, force=force)
             else:
                 target.unlink(missing_ok=True)
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def appear(part: Path, target: Path, *, force: bool) -> None:
+    """Give a whole file its name. TakenError if another has that name by now and `force` is not given."""
+    if not force:
+        with suppress(OSError):  # of a file system without a second name for a file
+            try:
+                os.link(part, target)  # unlike renaming it never replaces
+            except FileExistsError:
+                raise TakenError(target, TAKEN) from None
+            part.unlink()
+            return
+    part.replace(target)
 
 
 def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
@@ -208,6 +225,10 @@ def new_folder(target: Path, *kinds: FolderKind, force: bool = False) -> Iterato
                 raise
             place = target / problem.file.relative_to(folder)
             raise InputError(place, problem.message, problem.line) from None
+        except OSError as problem:
+            if problem.errno not in FULL:
+                raise
+            raise InputError(target, f"cannot be written: {problem.strerror}; {MAKE_ROOM}") from None
         check_target(target, *kinds, force=force)  # again: filling may have taken hours
         aside = sibling(target, "old") if os.path.lexists(target) else None
         try:
@@ -217,7 +238,7 @@ def new_folder(target: Path, *kinds: FolderKind, force: bool = False) -> Iterato
         except OSError:
             if aside is not None and os.path.lexists(aside) and not os.path.lexists(target):
                 aside.replace(target)
-            raise InputError(target, "was written by another process meanwhile; write elsewhere") from None
+            raise TakenError(target, TAKEN) from None
         if aside is not None:
             _remove(aside)
 

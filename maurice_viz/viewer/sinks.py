@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_loaders.files.writing import remove_leftovers
+from maurice_loaders.errors import TakenError
+from maurice_loaders.files.writing import MAKE_ROOM, appear, remove_leftovers
 
 from ..errors import SinkError
 from .blocks import BlockRecording
@@ -95,15 +96,23 @@ def to_file(
             rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
     except CANNOT_WRITE as error:
         part.unlink(missing_ok=True)
-        raise SinkError(part, f"cannot be written ({error}); choose another folder") from error
+        raise SinkError(path, f"cannot be written ({error}); choose another folder") from error
     try:
         yield rec
+    except TakenError:  # of what else is written: nothing is drawn yet, or another process has drawn it
+        _close(rec)
+        part.unlink(missing_ok=True)
+        raise
     except BaseException:
         _close(rec)
         remark(f"{part} holds the recording up to that point")
         raise
-    _check_written(part, _close(rec))
-    part.replace(path)
+    _check_written(part, path, _close(rec))
+    try:
+        appear(part, path, force=force)
+    except TakenError as problem:
+        part.unlink(missing_ok=True)
+        raise SinkError(path, problem.message) from None
 
 
 @contextmanager
@@ -168,13 +177,14 @@ def _disconnect(rec: rr.RecordingStream, patience_s: float) -> bool:
     return not closing.is_alive()
 
 
-def _check_written(part: Path, flushed: bool) -> None:
+def _check_written(part: Path, path: Path, flushed: bool) -> None:
     if not part.exists():
-        raise SinkError(part, "vanished while it was being written")
+        raise SinkError(path, f"{part.name}, in which it was being written, vanished")
+    begin = f"{part.name} holds its beginning"
     if shutil.disk_usage(part.parent).free < LEAST_FREE_BYTES:
-        raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or write to another disk")
+        raise SinkError(path, f"cannot be written: {os.strerror(errno.ENOSPC)}; {MAKE_ROOM}; {begin}")
     if not flushed:
-        raise SinkError(part, "could not be written to the end; is the disk full or gone?")
+        raise SinkError(path, f"cannot be written to the end; is the disk full or gone? {begin}")
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pickle
@@ -16,11 +17,12 @@ import platformdirs
 import pytest
 
 from maurice_datasets.folders import SIMULATED_SURVEY, SIMULATION
-from maurice_loaders.errors import FieldError, InputError, SourceError
+from maurice_loaders.errors import FieldError, InputError, SourceError, TakenError
 from maurice_loaders.files.writing import (
     FolderKind,
     cache_root,
     discard,
+    filling,
     new_folder,
     temporary_folder,
     write_whole,
@@ -34,9 +36,9 @@ NOTE = FolderKind("a note", "manifest.json", "note", r"manifest\.json|pages/\d+\
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
-    with new_folder(target, NOTE, force=force) as filling:
-        assert filling.parent == target.parent
-        (filling / "manifest.json").write_text(json.dumps({"format": "note", "text": text}))
+    with new_folder(target, NOTE, force=force) as begun:
+        assert begun.parent == target.parent
+        (begun / "manifest.json").write_text(json.dumps({"format": "note", "text": text}))
 
 
 def text_of(folder: Path) -> str:
@@ -282,3 +284,23 @@ def test_an_error_comes_back_from_a_worker_process(error):
     assert type(again) is type(error)
     assert str(again) == str(error)
     assert (again.file, again.line, again.message) == (error.file, error.line, error.message)
+
+
+def test_what_another_process_wrote_meanwhile_is_not_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "a.csv"
+    refused = pytest.raises(TakenError, match=r"a\.csv: was written by another process")
+    with refused, filling(target, force=False) as part:
+        part.write_bytes(b"mine")
+        target.write_bytes(b"theirs")
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("a.csv", b"theirs")]
+    with filling(target, force=True) as part:
+        part.write_bytes(b"mine")
+    assert target.read_bytes() == b"mine"
+
+
+def test_a_full_disk_in_a_folder_is_said_of_the_folder(tmp_path: Path) -> None:
+    """Writing raises without a name, or with one of a part that nobody knows."""
+    refused = pytest.raises(InputError, match=r"drive: cannot be written: No space.*free some space")
+    with refused, new_folder(tmp_path / "drive"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert not list(tmp_path.iterdir())

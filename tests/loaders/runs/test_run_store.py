@@ -206,7 +206,7 @@ def test_a_run_that_cannot_be_begun_leaves_no_folder(
 
     monkeypatch.setattr(writing, "write_manifest", full)
     for target in (tmp_path / "new", folder):
-        with pytest.raises(OSError, match="No space left"):
+        with pytest.raises(InputError, match="cannot be written: No space left"):
             writing.RunWriter(target, manifest, "", run_library.arena, force=True)
     assert read_manifest(folder) == manifest
     assert [file for file in tmp_path.iterdir() if "new" in file.name] == []

@@ -14,6 +14,7 @@ from rerun_bindings import check_for_rrd_footer
 
 from helpers import viz_fakes as fakes
 from helpers.viz_recordings import scene_of
+from maurice_loaders.errors import TakenError
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.scene import RunView
 from maurice_viz.viewer import blocks, sinks
@@ -65,6 +66,23 @@ def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path):
     assert "/a" in {str(chunk.entity_path) for chunk in RrdReader(sinks.part_of(path)).stream()}
 
 
+def test_the_loser_of_two_that_write_one_recording_says_so_and_leaves_nothing(tmp_path):
+    """Neither replaces what the other has written, unless it was told to."""
+    path = tmp_path / "a.rrd"
+    refused = pytest.raises(sinks.SinkError, match=r"a\.rrd: was written by another process meanwhile")
+    with refused, sinks.to_file(path, "a", LAYOUT):
+        path.write_bytes(b"theirs")
+    assert path.read_bytes() == b"theirs"
+    path.unlink()
+    with pytest.raises(TakenError), sinks.to_file(path, "a", LAYOUT):
+        raise TakenError(tmp_path / "kept", "exists already")  # the saved run beside it
+    assert not list(tmp_path.iterdir())
+    with sinks.to_file(path, "a", LAYOUT, force=True):
+        path.write_bytes(b"theirs")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.rrd"]
+    assert RrdReader(path).recordings()
+
+
 @pytest.mark.parametrize("name", ["a.log", "a"])
 def test_other_endings_are_refused(tmp_path, name):
     with pytest.raises(sinks.SinkError, match=r"^[^\n]*\.rrd[^\n]*$"):
@@ -81,7 +99,7 @@ def test_places_that_cannot_be_written_are_named(tmp_path):
 
 def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(sinks, "LEAST_FREE_BYTES", 1 << 62)
-    with pytest.raises(sinks.SinkError, match="space"):
+    with pytest.raises(sinks.SinkError, match=r"/a\.rrd: cannot be written: No space"):  # not its part
         write(tmp_path / "a.rrd")
     assert not (tmp_path / "a.rrd").exists()
 
@@ -145,7 +163,7 @@ def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(tmp_path, monkey
         raise RuntimeError("File-writer thread shut down prematurely")
 
     monkeypatch.setattr(rr.RecordingStream, "flush", flush)
-    with pytest.raises(sinks.SinkError, match="could not be written to the end"):
+    with pytest.raises(sinks.SinkError, match="cannot be written to the end"):
         write(tmp_path / "a.rrd")
     assert not (tmp_path / "a.rrd").exists()
 
@@ -156,7 +174,7 @@ def test_a_disk_that_fails_meanwhile_is_told_at_the_end(tmp_path, monkeypatch):
 
     monkeypatch.setattr(blocks, "UPDATES_A_BLOCK", 1)
     monkeypatch.setattr(rr.RecordingStream, "flush", fail)
-    with pytest.raises(sinks.SinkError, match="could not be written to the end"):
+    with pytest.raises(sinks.SinkError, match="cannot be written to the end"):
         write(tmp_path / "a.rrd")
 
 
@@ -172,7 +190,7 @@ def test_a_writer_that_never_answers_is_not_waited_for(tmp_path, monkeypatch):
     monkeypatch.setattr(rr, "unregister_shutdown", lambda: unregistered.append(True))
     monkeypatch.setattr(rr.RecordingStream, "flush", fail)
     monkeypatch.setattr(rr.RecordingStream, "disconnect", lambda self: forever.wait())
-    with pytest.raises(sinks.SinkError, match="could not be written to the end"):
+    with pytest.raises(sinks.SinkError, match="cannot be written to the end"):
         write(tmp_path / "a.rrd")
     forever.set()
     assert unregistered == [True]
