@@ -5,6 +5,7 @@ Needs a software Vulkan driver (apt-get install mesa-vulkan-drivers libvulkan1).
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import shutil
@@ -19,7 +20,7 @@ from PIL import Image
 from maurice_datasets.demos import demo_paths, kidnapping_paths
 from maurice_viz.viewer.snapshot import headless_viewer
 
-HERE = Path(__file__).parent / "pictures"
+HERE = Path(__file__).resolve().parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 FOUND = 43  # step of the demo at which one of the two filters is localized again
 ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
@@ -118,21 +119,21 @@ def sensors(session: str, folder: Path) -> None:
 def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
-    with tempfile.TemporaryDirectory() as name:
-        parts = ("told.rrd", "both.rrd", "one.rrd", "kept", "explain.png")
-        told, both, one, kept, explained = (str(Path(name) / part) for part in parts)
+    # in that folder, so that commands in the pictures name files as a reader has them
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        told, both, one, kept, explained = ("demo.rrd", "features.rrd", "session.rrd", "kept", "explain.png")
         maurice("demo", "-o", told)
         maurice("demo", "features", "-o", both)
-        alone = drive_alone(Path(session).parent, Path(name))
+        alone = drive_alone(Path(session).parent, Path())
         with headless_viewer(alone) as viewer:
             keep("drive.png", viewer.picture("step", ASTRAY))
         maurice("replay", session, "--feature", "blended", "--save-run", kept, "-o", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())
-        keep("diagnose.jpg", diagnosis(Path(name)).read_bytes())
-        keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
-        sensors(session, Path(name))
-        with headless_viewer(as_recorded(kept, Path(name))) as viewer:
+        keep("diagnose.jpg", diagnosis(Path()).read_bytes())
+        keep("ambiguity.png", ambiguity(Path()).read_bytes())
+        sensors(session, Path())
+        with headless_viewer(as_recorded(kept, Path())) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(told)) as viewer:
             keep("story.png", viewer.picture("step", FOUND))

@@ -25,7 +25,7 @@ from ..scene import RunView, Scene, shortly
 from ..style import STATES, font_safe
 from ..text.lesson import say_lesson
 from ..text.summary import failure_json
-from ..text.tour import LETTERS, MOST_CROWDED, headline, now_line, tour_pages, words
+from ..text.tour import FEWEST_LETTERS, LETTERS, MOST_CROWDED, headline, now_line, tour_pages, words
 from ..text.verdict import NOTHING_YET
 from .laser.scan import reading_of
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
@@ -110,7 +110,7 @@ class VerdictDrawing:
         verdicts = self._shortly(verdicts)
         lessons = {step: shortly(self._runs, lesson) for step, lesson in lessons.items()}
         tour = tour_of(verdicts) if verdicts else ()
-        letters = LETTERS if len(self._runs) >= MOST_CROWDED else None
+        letters = FEWEST_LETTERS if len(self._runs) >= MOST_CROWDED else LETTERS
         pages = tour_pages(tour, verdicts, self._scale, lessons, self._words, self._scene.opens, letters)
         for step, text in pages:
             set_place(self._rec, step, self._times_s[step], Phase.PREDICT)

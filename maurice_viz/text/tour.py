@@ -157,7 +157,12 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     if last.localized is None and last is verdict.episodes[-1]:
         sure = SURE_OF_WRONG if last.is_sure else ""
         end = verdict.end
+        before = [episode for episode in episodes[:-1] if episode.lost is not None]
         did = "stayed lost" if end is None or end.lost else "{was} lost and not localized again"
+        if before and before[0].localized is None and did == "stayed lost":
+            did = f"{{was}} lost from step {before[0].onset} on"
+        elif before:
+            because = f"; lost from step {before[0].onset} before"
         did += ", though right in the end" if end is not None and end.correct else sure
         return Outcome(did, off_at(verdict.end, scale), after=" at the end", alone=because)
     if last.localized is None:
@@ -174,7 +179,7 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
 def _why(verdict: RunVerdict) -> str:
     """Return the cause of the first failure in a word or two, where no incident was told before."""
     failure = verdict.unexplained
-    if any(map(verdict.has_loud_incident, verdict.episodes)):
+    if failure is not None and verdict.has_loud_incident(failure.episode):
         return ""
     return "" if failure is None or failure.kind == UNKNOWN else failure.title
 
@@ -222,7 +227,7 @@ DRAWS = {
 DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** holds most of a run's dots"
 TRUTH = "; the **white** disk is where the robot really is"
 CROWDED, MOST_CROWDED = 3, 4  # runs beside whose pictures there is little room for words
-LETTERS = 345  # that there is room for beside the pictures of four
+LETTERS, FEWEST_LETTERS = 650, 345  # that there is room for beside the pictures of a few, and of four
 LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
 LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
 NOTICED = "Lane noticed: at **few heavy** few dots hold nearly all weight, at **reseeded** new ones begin"
@@ -253,13 +258,13 @@ def tour_pages(
     lessons: Mapping[int, str],
     explained: str = "",
     opens: str = "",
-    letters: int | None = None,
+    letters: int = LETTERS,
 ) -> Iterator[tuple[int, str]]:
     """Yield each step of `lessons` with its Markdown: what it is about, its lesson, and the next moment.
 
     Each ends with the words that are `explained`; where these say what to do, with the command that walks
-    through the step of what `opens`, a recording or a saved run, if there is one. With room for so many
-    `letters`, where to look at a moment and what does not fit are left out.
+    through the step of what `opens`, a recording or a saved run, if there is one. Where there is no room for
+    so many `letters`, that command is left out or where to look at a moment, then what is explained.
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
     has_truth = any(verdict.has_truth for verdict in verdicts.values())
@@ -267,28 +272,29 @@ def tour_pages(
     for step, lesson in lessons.items():
         while passed + 1 < len(tour) and tour[passed + 1].step <= step:
             passed += 1
-        parts = [f"**Step {step}.**"]
+        title, look = f"**Step {step}.**", ""
         if passed >= 0 and tour[passed].step == step:
             title = f"**{passed + 1} of {len(tour)} · step {step}: {names[passed]}.**"
-            parts = [title, "" if letters else _look(tour[passed], scale, has_truth)]
-        elif passed >= 0:
-            parts = [f"**Step {step}**, after step {tour[passed].step} ({names[passed]})."]
-        parts.append(f"**{lesson}**" if lesson else "")
+            look = _look(tour[passed], scale, has_truth)
+        elif passed >= 0 and tour[passed].kind != BEGINS:
+            title = f"**Step {step}**, after step {tour[passed].step} ({names[passed]})."
+        parts = [title, look, f"**{lesson}**" if lesson else ""]
         if passed + 1 < len(tour):
             parts.append(f"Next: **step {tour[passed + 1].step}**, {names[passed + 1]}.")
         command = open_command(opens, Place(step, Phase.WEIGHT))
         walk = f" Phase by phase: `{command}`" if opens and explained.endswith(GO_THERE) else ""
-        text, below = " ".join(filter(None, parts)), f"{explained}{walk}"
-        fits = letters is None or len(text) + len(below) <= letters
-        yield step, f"{text}\n\n{below}" if below and fits else text
+        whole, short = (" ".join(filter(None, kept)) for kept in (parts, [title, *parts[2:]]))
+        pages = [(text, below) for text in (whole, short) for below in (explained + walk, explained)]
+        fitting = (page for page in pages if sum(map(len, page)) <= letters)
+        yield step, "\n\n".join(filter(None, next(fitting, (short,))))
 
 
 def _name(moment: TourMoment, several: bool) -> str:
     if isinstance(moment.fact, Incident):
         return moment.fact.about.title
     if isinstance(moment.fact, Failure):
-        is_known = moment.fact.kind != UNKNOWN
-        name = f"the cause: {moment.fact.title}" if is_known else NAMES[LOST]
+        why = "" if moment.fact.kind == UNKNOWN else f": {moment.fact.title}"
+        name = f"{NAMES[LOST]}{why}"
     else:
         name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name.removeprefix('it ')}" if several and moment.label else name

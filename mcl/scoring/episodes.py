@@ -126,7 +126,7 @@ class EpisodeFinder:
     _recent: tuple[_Update, ...] = ()  # the last six whose truth is known
     _since: int = 0  # of them, how many a kidnapping does not part from now
     _off: int = 0  # updates in a row that were too far off
-    _knew: bool = False  # whether it knew where it is: from the start, or once localized
+    _knew: bool = False  # whether it knew where it is: right from the start, or once localized
     _given: int = 0  # the last step at which somebody gave the localizer a pose
     _open: bool = False  # whether the last episode is going on
     _doubts: bool = False  # whether the signal doubted the last update
@@ -177,7 +177,17 @@ class EpisodeFinder:
             self._begin(KIDNAPPED, (update,))
         elif self._open:
             self._change(_with(self.episodes[-1], (update,), 1))
+            self._knew |= self._was_right_from_the_start()
         return self._changed()
+
+    def _was_right_from_the_start(self) -> bool:
+        """Return whether a search began with an estimate that was right, however wide its cloud was.
+
+        As with LOCALIZED, at four of its first five updates: a single one may be chance in a small room.
+        """
+        window = self._recent[-LOCALIZED_OF[1] :]
+        right = first_mostly(np.array([update.score.correct is True for update in window], bool)) == 1
+        return right and window[0].step == self.episodes[-1].first
 
     def _doubt(self, step: int, doubted: bool) -> None:
         if doubted:

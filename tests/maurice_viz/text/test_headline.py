@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, UNKNOWN, Failure, Incident
+from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, FLAT, LIGHTING, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, decisive_step
 from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
@@ -18,6 +18,7 @@ INCHES = Scale(UNITS["in"])
 OFF, NEAR = StepScore(2.0, 0.1, True, False, True), StepScore(0.05, 0.1, True, True, False)
 GOOD = RunVerdict(updates=90, has_truth=True, localized=1, first=1, last=90, error_mean_m=0.1, end=NEAR)
 STAYS = Episode("kidnapped", 61, 90, 61, 63, 64, steps=30, sure=29)
+EARLY, LATE = Episode("lost", 10, 60, 10, lost=13), Episode("lost", 70, 90, 70, lost=73)
 BACK = Episode("kidnapped", 61, 62, 61, localized=63, steps=2, fresh=100)
 
 
@@ -86,8 +87,16 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
             ],
         ),
         (
-            wrong(Episode("lost", 70, 90, 70, lost=73), failures=(Failure(AMBIGUITY, 70, STAYS),)),
+            wrong(LATE, failures=(Failure(AMBIGUITY, 70, LATE),)),
             ["The filter stayed lost", "places look alike"],
+        ),
+        (  # it was not the kidnapping that it was lost by
+            wrong(EARLY, replace(STAYS, sure=0), failures=(Failure(FLAT, 10, EARLY),)),
+            ["Kidnapped at step 61: the filter was lost from step 10 on", "likelihood too flat"],
+        ),
+        (
+            wrong(replace(EARLY, localized=20), STAYS),
+            ["the filter stayed lost", "lost from step 10 before"],
         ),
         (
             replace(GOOD, localized=9, ambiguity=TWINS),

@@ -73,6 +73,8 @@ def test_a_loss_begins_at_the_first_of_the_four_and_a_doubt_can_be_older():
         ("RRRRRrRRRRR", []),  # carried, and right at once
         ("RRRROOOOoOOORRRRR", [(LOST, 5), (KIDNAPPED, 9)]),
         ("SSSSsSSSSSS", [(SEARCHING, 1)]),  # carried before it was anywhere: still the same search
+        ("UUUUUUUSSSSSsSSSS", [(LOST, 8), (KIDNAPPED, 13)]),  # right from the start, though never sure
+        ("USSSUUSSSSSSS", [(SEARCHING, 1)]),  # right by chance, in the middle of a spread cloud
         ("NNNNNNNN", []),
     ],
 )
