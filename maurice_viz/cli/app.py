@@ -225,6 +225,9 @@ class ReplayByDefault(CommandList):
                 TOPICS[args[1]](formatter)
                 typer.echo(formatter.getvalue().strip("\n"))
                 raise typer.Exit
+            topics = difflib.get_close_matches(args[1], TOPICS, n=1) if len(args) == 2 else []
+            if topics and not difflib.get_close_matches(args[1], self.list_commands(ctx)):
+                fail(f"{args[1]}: there is no such page; did you mean `help {topics[0]}`?")
             args = [*args[1:], "--help"]
         for word in args if not ctx.resilient_parsing else ():
             if (scheme := ONE_SLASH.match(word)) and not Path(word).exists():

@@ -22,10 +22,8 @@ from ..playback import ResultCollector
 from ..scene import Detail, RunView
 from .output import OutputOptions, path_of
 
-FEW = 5  # steps of searching before it is said: a run that knows where it is begins so, too
-KEEPS_UP = 20  # steps without a skipped picture, after which it is said that the filter keeps up
-
-
+FEW = 5  # steps of searching before a line about it: every run begins with a search
+KEEPS_UP = 20  # steps without a skipped picture, after which a line says that the filter keeps up
 MEASURED_S, MEASURED_STEPS = 10.0, 10  # after which the rate is known
 LARGE_BYTES_A_HOUR = 500_000_000
 GB = 1e9

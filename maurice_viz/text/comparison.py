@@ -47,19 +47,22 @@ def closest(steps: Mapping[str, Step], radii: Radii) -> str | None:
 
 def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
     """Return how each run compares with the first over the drive, with its interval."""
-    lines = []
+    lines, compared = [], [results[0]]
     for result in results[1:]:
         paired = result.paired
         if paired is None:
             continue
         parted = "" if paired.parted_at is None else f" They part at step {paired.parted_at}."
         if paired.position is not None:
+            compared.append(result)
             lines.append(f"{_difference(results[0], result, paired.position, scale)}{parted}")
         elif paired.apart_mean_m is not None:
             apart = scale.say(paired.apart_mean_m)
             lines.append(f"`{result.label}` is {apart} from it.{parted}")
     if not lines:
         return NOT_YET
+    lost = not_averaged(*compared) if len(compared) > 1 else ""
+    lines += [f"No average{'s' * (len(compared) > 2)}, as {lost}."] * bool(lost)
     return " ".join([f"Over the drive, against `{results[0].label}`:", *lines])
 
 
@@ -76,8 +79,8 @@ def not_averaged(*results: RunResult) -> str:
 
 def _difference(first: RunResult, result: RunResult, off: ErrorDifference, scale: Scale) -> str:
     steps = f"closer at {off.better} of {off.updates} steps"
-    if lost := not_averaged(first, result):
-        return f"`{result.label}` is {steps}. No average, as {lost}."
+    if not_averaged(first, result):
+        return f"`{result.label}` is {steps}."
     mean = f"`{result.label}` is **{_closer(off.mean, scale)}** on average"
     chance = "hardly chance" if off.is_sure else "**may be chance**"
     if off.agrees:

@@ -75,6 +75,7 @@ def test_help_is_the_help_of_a_command():
         == (maurice("library", "check", "--help")[0].split("\n", 1)[1])
     )
     assert "did you mean the command compare" in failure("help", "compair")
+    assert "did you mean `help reading`" in failure("help", "readng")
 
 
 def test_the_first_page_fits_a_screen_and_leads_to_every_command():

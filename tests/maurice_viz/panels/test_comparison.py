@@ -318,7 +318,7 @@ def test_the_end_says_how_runs_compare_and_how_sure_that_is(usual):
     result = max(texts, key=len)  # over what stood there before the end
     assert "`größe` is **" in result
     assert "`c` is closer at " in result
-    assert "No average, as `c` was not localized from step 1" in result  # a cloud that knows nothing
+    assert "No averages, as `c` was not localized from step 1" in result  # a cloud that knows nothing
     apart = ErrorDifference(-0.1, (-0.2, 0.01), 3, 40, 30, 10)
     many = RunResult(
         "b", Scorer().result(), None, against="a", paired=ComparisonResult(apart, None, 0.1, 0.2, None)

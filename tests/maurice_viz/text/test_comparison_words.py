@@ -63,3 +63,7 @@ def test_of_a_run_that_was_lost_there_is_no_average():
     assert "`b` is closer at 40 of 45 steps. No average, as `a` was lost from step 41." in text
     assert "chance" not in text
     assert written == "one was lost"
+    paired = ComparisonResult(difference_of(np.full(9, 0.1)), None, 0.1, 0.2, None)
+    others = [replace(FIRST, label=label, against="a", paired=paired) for label in "bc"]
+    text = drive_words([replace(FIRST, verdict=LOST), *others], INCHES)
+    assert text.endswith(" No averages, as `a` was lost from step 41."), "once, not of each run"
