@@ -100,7 +100,8 @@ def _sentence(group: Sequence[tuple[str, Outcome]], details: int) -> str:
     first = group[0][1]
     was, itself = ("were", "themselves") if len(group) > 1 else ("was", "itself")
     text = f"{joined([name for name, _ in group])} {first.did.format(was=was, itself=itself)}"
-    values = list(dict.fromkeys(outcome.value for _, outcome in group if outcome.value))
+    values = [outcome.value for _, outcome in group if outcome.value]
+    values = values[:1] if len(set(values)) == 1 else values  # one that all share, or one of each
     detail = f"{first.before}{joined(values)}{first.after}" if values and details else ""
     detail += first.alone if len(group) == 1 and details > 1 else ""
     return f"{text} ({detail})." if detail else f"{text}."
@@ -210,8 +211,8 @@ NAMES = {
 }
 WENT_ON = "The dots moved as odometry says; the white disk hardly moved."
 LOOKS = {
-    CARRIED: "The white disk jumps; the dots do not: odometry did not feel it.",
-    JUMPED: "The white disk jumps; the dots do not: odometry did not feel it.",
+    CARRIED: "The white disk jumps; odometry did not feel it.",
+    JUMPED: "The white disk jumps; odometry did not feel it.",
     SLIPPED: WENT_ON,
     LEAPT: "The dots jump with odometry; the white disk does not.",
     OVERSTATED: WENT_ON,
@@ -228,8 +229,8 @@ DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** ho
 TRUTH = "; the **white** disk is where the robot really is"
 CROWDED, MOST_CROWDED = 3, 4  # runs beside whose pictures there is little room for words
 LETTERS, FEWEST_LETTERS = 650, 345  # that there is room for beside the pictures of a few, and of four
-LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
-LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
+LANES = "**dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
+LANES_WITHOUT_TRUTH = "**dark** dots together, **gray** dots spread, **red** probably lost."
 NOTICED = "Lane noticed: at **few heavy** few dots hold nearly all weight, at **reseeded** new ones begin"
 NOTICED_OF_TRUTH = "; at **3 sigma** the truth is far outside of the dots"
 GO_THERE = "Right-click a lane to go there."
@@ -241,7 +242,7 @@ def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
     lanes = LANES if has_truth else LANES_WITHOUT_TRUTH
     parts = [lanes]
     if len(runs) < MOST_CROWDED:
-        parts = [f"{DOT}{TRUTH if has_truth else ''}.", lanes]
+        parts = [f"{DOT}{TRUTH if has_truth else ''}.", f"Lanes: {lanes}"]
         parts += [f"{NOTICED}{NOTICED_OF_TRUTH if has_truth else ''}."] if len(runs) == 1 else []
         parts += [GO_THERE]
     if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:
