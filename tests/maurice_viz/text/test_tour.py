@@ -32,8 +32,8 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     assert "200 were drawn anew" in pages[54]
     assert "Next" not in pages[100]
     crowd = words([RunView(label, ("color",)) for label in "abcd"])  # little room for it
-    crowded = dict(tour_pages(tour, verdicts, INCHES, LESSONS, crowd, letters=230))
-    assert all(page.endswith(crowd) and len(page) <= 232 for page in crowded.values())
+    crowded = dict(tour_pages(tour, verdicts, INCHES, LESSONS, crowd, letters=210))
+    assert all(page.endswith(crowd) and len(page) <= 212 for page in crowded.values())
     assert "white disk jumps" not in crowded[51]
     tight = dict(tour_pages(tour, verdicts, INCHES, LESSONS, crowd, letters=100))
     assert not any(crowd in page for page in tight.values())
