@@ -83,7 +83,7 @@ def runs_beside(folder: Path) -> list[SavedRun]:
 
 
 def open_run(folder: str | Path) -> SavedRun:
-    """Open the folder of a saved run; only its manifest and configuration are read yet.
+    """Open the folder of a saved run; only its manifest, configuration and map are read yet.
 
     `steps()` then gives update after update, `arena()` the map. Raises InputError for anything but a whole
     run of one filter; `open_runs` opens the runs of a comparison.
@@ -112,7 +112,9 @@ def open_run(folder: str | Path) -> SavedRun:
     if missing:  # what the filter ran with is not known
         fault = f"found no {missing[0]}, so it was saved by an earlier version"
         raise InputError(file, f"{fault}; replay the session again with --save-run")
-    return SavedRun(folder, manifest, configuration)
+    run = SavedRun(folder, manifest, configuration)
+    run.arena()  # a damaged one is told of now, not where the library is gone
+    return run
 
 
 def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterator[StepRows]:

@@ -6,10 +6,12 @@ import base64
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from maurice_mcl.values import F64
 
@@ -209,10 +211,28 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"px": px, "jpeg_url": _url("jpeg"), "png_url": _url("png")}
+    environment.filters |= {
+        "px": px,
+        "jpeg_url": _url("jpeg"),
+        "png_url": _url("png"),
+        "only_script": only_script,
+    }
     ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
     environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
     return environment
+
+
+POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{}'; "
+    "base-uri 'none'; form-action 'none'"
+)
+POLICY_TAG = Markup('<meta http-equiv="Content-Security-Policy" content="{}">')
+
+
+def only_script(script: str) -> Markup:
+    """Return the tag by which a browser runs nothing but this script, and loads nothing from elsewhere."""
+    digest = base64.b64encode(sha256(script.encode()).digest()).decode("ascii")
+    return POLICY_TAG.format(Markup(POLICY.format(digest)))
 
 
 def _colors(brightness: float) -> dict[str, str]:

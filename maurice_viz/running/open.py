@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +27,7 @@ from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.sensor.map_places import reference_of
+from maurice_mcl.sensor.outside import load_sensor
 from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F64, Library, Radii, Session, SessionInfo
 
@@ -216,6 +218,8 @@ def make_runs(
         FilterRun(label, localizer, start, to_toml(configuration))
         for label, (configuration, localizer, start) in zip(labels, filters, strict=True)
     ]
+    for spelled in dict.fromkeys(chain(*(run.localizer.sensor.parameters.outside for run in runs))):
+        listener.remark(f"sensor {spelled} is run from {load_sensor(spelled).file or 'no file'}")
     uses = [
         f"{run.label} uses {', '.join(run.localizer.sensor.names)}"
         for run, spec in zip(runs, specs, strict=True)

@@ -26,6 +26,7 @@ from .descriptors.registry import CHANNELS, NAME
 
 GROUP = "maurice_replay.sensors"
 NOT_THERE = "not there"  # as a version
+THEIRS = (Exception, SystemExit)  # other people's code may raise anything, and may end as a script does
 METHODS = ("read", "log_likelihood", "propose", "shown")  # of `PoseSensor`
 
 
@@ -37,6 +38,7 @@ class OutsideSensor:
         self.spelled = spelled
         self.name = sensor.name
         self._sensor = sensor
+        self.file = _file_of(type(sensor))  # that is run, "" where it is not known
 
     def __getattr__(self, name: str) -> Any:
         """Return what a sensor may leave out: `pictures`, `in_space`, `proposes`, `summary`, `shown_with`."""
@@ -74,7 +76,7 @@ class OutsideSensor:
     def _call(self, method: str, *given: Any) -> Any:
         try:
             return getattr(self._sensor, method)(*given)
-        except Exception as problem:  # other people's code may raise anything
+        except THEIRS as problem:
             raise InputError(None, f"sensor {self.spelled}: {method} raised {_named(problem)}") from problem
 
 
@@ -95,7 +97,7 @@ def load_sensor(spelled: str) -> OutsideSensor:
     except ModuleNotFoundError as problem:
         advice = "install its package, or put its folder on PYTHONPATH"
         raise InputError(None, f"sensor {spelled}: no module named {problem.name!r}; {advice}") from problem
-    except Exception as problem:
+    except THEIRS as problem:
         raise InputError(None, f"sensor {spelled}: its module raised {_named(problem)}") from problem
     kind = getattr(module, point.attr, None)
     if not isinstance(kind, type):
@@ -107,7 +109,7 @@ def load_sensor(spelled: str) -> OutsideSensor:
     try:
         sensor = kind()
         name = sensor.name
-    except Exception as problem:
+    except THEIRS as problem:
         raise InputError(None, f"sensor {spelled}: making it raised {_named(problem)}") from problem
     if not isinstance(name, str) or not NAME.fullmatch(name) or name in (*CHANNELS, *POSE_SENSORS):
         expected = "expected a lower-case word like beacon that names no channel and no sensor of ours"
@@ -151,5 +153,12 @@ def _point(spelled: str) -> EntryPoint | None:
     return next(iter(entry_points(group=GROUP, name=spelled)), None)
 
 
-def _named(problem: Exception) -> str:
+def _file_of(kind: type) -> str:
+    try:
+        return inspect.getsourcefile(kind) or ""
+    except (OSError, TypeError):  # typed into an interpreter, or compiled
+        return ""
+
+
+def _named(problem: BaseException) -> str:
     return f"{type(problem).__name__}: {problem}"

@@ -93,7 +93,7 @@ def _load(point: EntryPoint) -> Channel:
         channel: Channel = point.load()()
         wanted = (channel.name, channel.distance, channel.describe, channel.parameters(), channel.unit)
         json.dumps(wanted[3], allow_nan=False)
-    except Exception as problem:  # third-party code may raise anything
+    except (Exception, SystemExit) as problem:  # third-party code may raise anything
         raise ValueError(f"makes no channel ({type(problem).__name__}: {problem})") from problem
     if not isinstance(wanted[0], str) or not NAME.fullmatch(wanted[0]):
         raise ValueError(f"its name is {wanted[0]!r}, expected a lower-case word like tiny_image")
@@ -129,7 +129,7 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
     """Measure a reduced picture with a channel, maybe third-party. ValueError for an invalid result."""
     try:
         descriptor = channel.describe(image)
-    except Exception as problem:  # third-party code
+    except (Exception, SystemExit) as problem:  # third-party code
         raise ValueError(f"channel {channel.name!r} raised {type(problem).__name__}: {problem}") from problem
     if not isinstance(descriptor, np.ndarray) or descriptor.dtype != np.float32 or descriptor.ndim != 1:
         kind = type(descriptor).__name__

@@ -99,6 +99,12 @@ def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp
     assert "edges" in out
 
 
+def test_which_file_of_a_users_is_run_is_said(drive, module, tmp_path):
+    name = module("own_home")
+    _, err = maurice(drive, "--sensor", f"{name}:Beacon", *FILTER)
+    assert f"sensor {name}:Beacon is run from {tmp_path / 'modules' / name}.py\n" in err
+
+
 def test_a_run_by_it_alone_is_verified_branched_and_explained_in_units(drive, module, tmp_path):
     spelled, saved = f"{module('own_alone')}:Beacon", tmp_path / "run"
     alone = {"sensor.weights": {"beacon": 1}}
@@ -130,6 +136,11 @@ def test_it_has_weight_1_unless_the_weights_name_it(module):
         ([('name = "beacon"', "label = 3")], "AttributeError"),
         ([("import sys", "import sys_that_is_not_there")], "no module named 'sys_that_is_not_there'"),
         ([("PLACE_M = (1.0, 0.5)", "PLACE_M = 1 / 0")], "ZeroDivisionError"),
+        ([("PLACE_M = (1.0, 0.5)", "sys.exit(0)")], "its module raised SystemExit: 0"),
+        (
+            [("class Beacon:", "class Beacon:\n    def __init__(self): sys.exit()\n")],
+            "raised SystemExit",
+        ),
         ([("class Beacon:", "class Beacon:\n    def __init__(self, port): pass\n")], "TypeError"),
     ],
 )
@@ -145,11 +156,13 @@ def test_what_is_no_sensor_is_refused_in_one_line(module, drive, changes, wanted
         (("-WORST_NATS).astype", "-np.inf).sum().astype"), "log_likelihood gave float32 ()"),
         (("-0.5 * deviations**2", "np.nan * deviations"), "log_likelihood gave no finite numbers"),
         (('readings.get("range")', 'readings["rage"]'), "read raised KeyError"),
+        (('readings.get("range")', "readings.get(sys.exit(0))"), "read raised SystemExit"),
     ],
 )
 def test_one_that_fails_during_a_run_ends_it_in_one_line(module, drive, change, wanted, request):
     name = module(f"own_{abs(hash(request.node.name))}", change)
-    assert wanted in failure(drive, "--sensor", f"{name}:Beacon", *FILTER)
+    *_, line = run(drive, "--sensor", f"{name}:Beacon", *FILTER, expect=1).stderr.splitlines()
+    assert wanted in line
 
 
 @pytest.mark.parametrize("spelled", ["beacon", "no_such_module:Beacon", "os:system", "pathlib:Path", "a b:c"])

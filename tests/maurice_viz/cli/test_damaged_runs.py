@@ -188,3 +188,10 @@ def test_times_that_fall_are_refused(kept: Path, bad: Path) -> None:
     replace(kept, bad, ("steps", "time_s", 1.0), [2])
     with pytest.raises(InputError, match=r"found time_s 1 at step 3, expected at least 3"):
         list(open_run(bad).steps())
+
+
+@pytest.mark.parametrize("text", ["", "null", "{}", '{"bounds_m": [0, 0, 1]}'])
+def test_a_damaged_map_is_one_line_whatever_else_is_there(bad: Path, text: str) -> None:
+    """It is needed only where the library is gone."""
+    (bad / "map.json").write_text(text)
+    assert "map.json: is no map" in failure(bad, "-o", "none")

@@ -231,6 +231,20 @@ def test_a_browser_shows_it_without_a_complaint(single, tmp_path, window):
     assert base64.b64decode(window.call("Page.printToPDF")["data"]).startswith(b"%PDF")
 
 
+@needs_browser
+def test_nothing_runs_in_a_page_but_its_own_script(single, tmp_path, window):
+    """If text of a recording ever came into a page as markup, a browser would not run it."""
+    page, whole = tmp_path / "page.html", single.read_text()
+    evil = "<script>window.evil = 1</script><svg onload='window.evil = 2'></svg>"
+    page.write_text(whole.replace("<main>", f"<main>{evil}<img src='https://127.0.0.1/x.png'>"))
+    assert page.read_text() != whole
+    window.open(page.as_uri())
+    assert window.value("window.evil === undefined")
+    assert window.value("document.querySelector('.readout .when').textContent").startswith("Step")  # its own
+    failed = [event["params"] for event in window.events if event["method"] == "Network.loadingFailed"]
+    assert [one["blockedReason"] for one in failed] == ["csp"]
+
+
 MARKED = """(() => {
   const place = (one) => one.getAttribute("transform").match(/-?[\\d.]+/g).slice(0, 3).map(Number);
   return {
