@@ -112,6 +112,7 @@ class RowStore:
     def begin(cls, folder: Path, plan: Plan, *, resume: bool) -> RowStore:
         """Start a new folder, or go on in one of the same plan. InputError for any other."""
         file = folder / MANIFEST
+        remove_leftovers(file)  # of one that was killed as it began
         if not resume and file.exists():
             raise InputError(folder, "holds trials; --resume goes on with them, or choose another folder")
         if file.exists():
@@ -120,10 +121,11 @@ class RowStore:
             raise InputError(folder, "found something else, expected a new folder or one with trials")
         else:
             new = True
-        (folder / ROWS).mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         if new:
             manifest = {"format": FORMAT, "hash": plan.hash, "plan": plan.to_json()}
             write_whole(file, json.dumps(manifest, indent=1).encode(), force=True)
+        (folder / ROWS).mkdir(exist_ok=True)  # after the plan, without which nobody knows whose it is
         store = cls(folder)
         store._read()
         return store

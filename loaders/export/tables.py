@@ -25,6 +25,7 @@ from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.values import F64, U8, LaserScan, compose
 
 from ..errors import InputError
+from ..files.text import plain_cell
 from ..files.writing import filling
 from ..runs.store import SavedRun
 from ..runs.writer import StepRows, steps_schema
@@ -127,7 +128,7 @@ def table_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> I
         with part.open("w", encoding="utf-8", newline="") as out:
             writer = csv.DictWriter(out, list(sink.columns), lineterminator="\n")
             writer.writeheader()
-            writer.writerows(sink.rows)
+            writer.writerows({name: plain_cell(value) for name, value in row.items()} for row in sink.rows)
 
 
 # Paths as text that evo, rpg_trajectory_evaluation and others read: TUM and KITTI.

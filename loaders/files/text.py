@@ -283,3 +283,13 @@ def toml_key(name: str) -> str:
     """Return a key as TOML, quoted where it must be."""
     bare = bool(name) and name.isascii() and all(c.isalnum() or c in "_-" for c in name)
     return name if bare else toml_value(name)
+
+
+def plain_cell(value: Any) -> Any:
+    """Return a cell that no spreadsheet takes for a formula: before text such as `=1+1` stands an apostrophe.
+
+    >>> [plain_cell(value) for value in ("=1+1", "-", "corridor", -0.5)]
+    ["'=1+1", "'-", 'corridor', -0.5]
+    """
+    is_formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
+    return f"'{value}" if is_formula else value

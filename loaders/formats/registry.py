@@ -223,6 +223,8 @@ def unlike(path: Path, wanted: str) -> InputError:
     if not path.exists():
         how = look_again(path, HOW_TO.get(wanted, "check the path"))
         return InputError(path, f"found no such file or folder, expected {expected}; {how}")
+    if not (path.is_file() or path.is_dir()):  # reading a pipe might never end
+        return InputError(path, f"found no regular file, expected {expected}; save it to a file first")
     kind, form = kind_of(path), _known(path)
     if kind is None and form is not None:
         kind = RECORDING

@@ -24,6 +24,7 @@ from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import FEW, Interval
 from maurice_datasets.trials.table import Difference, Group
+from maurice_loaders.files.text import plain_cell
 from maurice_loaders.files.writing import expect_absent, write_whole
 
 from ..errors import progress_of
@@ -165,6 +166,8 @@ def _plain(rows: Sequence[Group | Difference]) -> list[dict[str, Any]]:
 
 def _write(file: Path, groups: list[Group], *, force: bool) -> None:
     rows = [{**row.pop("by"), **row} for row in _plain(groups)]
+    if file.suffix != ".parquet":
+        rows = [{name: plain_cell(value) for name, value in row.items()} for row in rows]
     frame, content = pl.DataFrame(rows, infer_schema_length=None), io.BytesIO()
     if file.suffix == ".parquet":
         frame.write_parquet(content)

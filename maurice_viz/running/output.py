@@ -338,7 +338,8 @@ def show_recording(path: Path, listener: Listener, output: OutputOptions) -> Non
 
     InputError, OptionError, SinkError.
     """
-    web, place = output.web, output.place or _place(decisive_step_of(path))
+    decisive = decisive_step_of(path)  # which refuses what is no recording
+    web, place = output.web, output.place or _place(decisive)
     if web is not None:
         _serve(web, path, place, listener, output)
         return
@@ -364,6 +365,8 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
     """Return all values of a column that a recording's verdict has, as they were logged. InputError."""
     from rerun.chunk import RrdReader
 
+    from ..viewer.snapshot import unreadable
+
     if not path.is_file():
         raise InputError(path, f"found no such file, expected a Rerun recording (.rrd); {look_again(path)}")
     try:
@@ -372,7 +375,7 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
             stream = RrdReader(path).stream().filter(content=VERDICT)
             batches = [chunk.to_record_batch() for chunk in stream]
     except (RuntimeError, ValueError, OSError) as problem:
-        raise InputError(path, f"found no Rerun recording ({problem}); try: rerun rrd verify") from None
+        raise unreadable(path, problem) from None
     columns = [batch.column(column).to_pylist() for batch in batches if column in batch.schema.names]
     return [value for rows in columns for row in rows if row for value in row]
 

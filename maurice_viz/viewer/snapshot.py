@@ -139,12 +139,15 @@ def expect_whole_frames(recording: Path) -> None:
             for _ in RrdReader(recording).stream():  # to its end: frames are read as they are asked for
                 pass
     except (RuntimeError, ValueError, OSError) as problem:
-        if CUT_OFF_ERROR not in str(problem):
-            raise InputError(
-                recording, f"found no Rerun recording ({problem}); try: rerun rrd verify"
-            ) from None
-        repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
-        raise InputError(recording, f"found a recording that was cut off; {repair}") from None
+        raise unreadable(recording, problem) from None
+
+
+def unreadable(recording: Path, problem: Exception) -> InputError:
+    """Return the error of a file that Rerun cannot read."""
+    if CUT_OFF_ERROR not in str(problem):
+        return InputError(recording, f"found no Rerun recording ({problem}); try: rerun rrd verify")
+    repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
+    return InputError(recording, f"found a recording that was cut off; {repair}")
 
 
 def software_driver() -> Path | None:

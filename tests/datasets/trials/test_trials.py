@@ -18,6 +18,7 @@ import polars as pl
 import pytest
 
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_datasets.trials import rows as rows_module
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import Plan, read_plan
 from maurice_datasets.trials.rows import KEY, MEASURED, MOST, RowStore, read_plan_of, read_rows
@@ -220,6 +221,27 @@ def test_a_damaged_plan_of_a_folder_is_said_in_one_line(text: str, plan_file: Pa
     for read in (read_plan_of, lambda folder: run_plan(plan, folder, resume=True)):
         with pytest.raises(InputError, match=r"plan.json: cannot be read, expected the plan"):
             read(tmp_path / "out")
+
+
+def test_a_folder_that_was_killed_as_it_began_is_gone_on_with(
+    plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It holds nothing, or a part of the plan, before it holds anything else."""
+
+    class KilledError(Exception):
+        pass
+
+    def killed(file: Path, data: bytes, **how: object) -> None:
+        file.with_name(f".{file.name}.{2**22 - 1}.part").write_bytes(data[:9])  # of no living process
+        raise KilledError
+
+    plan = read_plan(plan_file)
+    monkeypatch.setattr(rows_module, "write_whole", killed)
+    with pytest.raises(KilledError):
+        RowStore.begin(tmp_path / "out", plan, resume=False)
+    monkeypatch.undo()
+    assert RowStore.begin(tmp_path / "out", plan, resume=True).done == set()
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["plan.json", "rows"]
 
 
 def workers_of(parent: int) -> list[int]:

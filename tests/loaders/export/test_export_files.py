@@ -165,3 +165,15 @@ def test_evo_reads_the_paths_and_finds_our_errors(tmp_path: Path) -> None:
             expected = np.load(BytesIO(theirs.read(name)))
             assert np.load(BytesIO(ours.read(name))) == pytest.approx(expected, abs=1e-6), name
     assert "blended" in evo(tmp_path, EVO / "evo_res", "ours.zip", "theirs.zip")
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1"])
+def test_no_cell_is_a_formula_in_a_spreadsheet(text: str, tmp_path: Path) -> None:
+    """Names of pictures and events are somebody else's text; numbers stay what they are."""
+    step = step_at(1, session_events=[text], events=["found"], picture=text)
+    with tables.table_sink(tmp_path / "a.csv", ()) as sink:
+        add_all(sink, [step])
+    with (tmp_path / "a.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["session_events"], row["picture"], row["events"]) == (f"'{text}", f"'{text}", "found")
+    assert float(row["odometry_heading_rad"]) < 0

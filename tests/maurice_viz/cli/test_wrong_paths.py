@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
 from pathlib import Path
@@ -149,3 +150,21 @@ def test_a_mistyped_session_or_command():
 )
 def test_a_mistyped_word(words, meant):
     assert f"did you mean {meant}?" in " ".join(run(*words.split(), expect=None).stderr.split())
+
+
+PIPED = ["diagnose", "export", "library check", "trials table"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no named pipes")
+@pytest.mark.parametrize("command", [*PIPED, "my-demo --map"])
+def test_a_pipe_is_refused_and_not_waited_for(command, tmp_path):
+    """Nobody ever writes to it: reading would not end."""
+    os.mkfifo(tmp_path / "pipe")
+    words = [*command.split(), tmp_path / "pipe", *NEEDED.get(command, "").split()]
+    assert "pipe: found no regular file, expected a" in failure(*words)
+
+
+def test_a_recording_that_is_none_is_told_of_before_a_display(tmp_path):
+    (tmp_path / "cut.rrd").write_bytes(Path("drawn.rrd").read_bytes()[:-100])
+    assert "found a recording that was cut off; `rerun rrd" in failure(tmp_path / "cut.rrd")
+    assert "found no such file" in failure("open", tmp_path / "gone.rrd", "--step", "3")
