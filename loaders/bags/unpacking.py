@@ -24,7 +24,7 @@ LIMIT, USUAL_GB = "MAURICE_MAX_UNPACKED_GB", 4.0  # environment variable, and wh
 FOLDER = "maurice-replay-bag-"  # of unpacked files: this, the process, and what makes it unique
 
 
-class TooLarge(Exception):
+class TooLarge(ValueError):
     """What is compressed takes more room than it may."""
 
 
@@ -52,8 +52,11 @@ def _zstd() -> Any:
 
 
 def unpack_zstd(data: bytes, _: int = 0) -> bytes:
-    """Unpack Zstandard."""
-    return whole(_zstd().ZstdDecompressor, data)
+    """Unpack Zstandard. TooLarge; ValueError for what is damaged."""
+    try:
+        return whole(_zstd().ZstdDecompressor, data)
+    except _zstd().ZstdError as problem:
+        raise ValueError(str(problem)) from None
 
 
 def unpack_lz4(data: bytes, _: int = 0) -> bytes:
@@ -130,9 +133,9 @@ def limit_libraries() -> None:
 
     ros1.decompressors |= {"bz2": unpack_bz2, "lz4": unpack_lz4}
     storage_mcap.DECOMPRESSORS |= {"lz4": unpack_lz4, "zstd": unpack_zstd}
-    vars(ros2).update(
-        zstd=SimpleNamespace(open=opened, decompress=unpack_zstd), TemporaryDirectory=own_folder
-    )
+    # A message is unpacked when it is decoded, so that of a damaged one the others can be read.
+    later = SimpleNamespace(open=opened, decompress=lambda data: data)
+    vars(ros2).update(zstd=later, TemporaryDirectory=own_folder)
     vars(mcap_stream).update(
         zstandard=SimpleNamespace(decompress=unpack_zstd), lz4=SimpleNamespace(decompress=unpack_lz4)
     )

@@ -13,6 +13,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
+from unicodedata import normalize
 
 import cv2
 import numpy as np
@@ -117,7 +118,7 @@ def leads_outside(name: str) -> bool:
 def picture_file(file: Path) -> bytes:
     """Return the encoded bytes of a picture's file. PictureError for no regular file, or one too large."""
     try:
-        if not file.is_file():
+        if not file.is_file() and not (file := _spelled_otherwise(file)).is_file():
             raise PictureError("found no such picture, expected a file; was it moved away?")
         if file.stat().st_size > MAX_PICTURE_BYTES:
             raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
@@ -126,6 +127,12 @@ def picture_file(file: Path) -> bytes:
         if isinstance(problem, PictureError):
             raise
         raise PictureError(f"cannot be read: {problem}") from None
+
+
+def _spelled_otherwise(file: Path) -> Path:
+    """Return a file whose accents are written in the other way: copying between systems changes that."""
+    forms = (Path(normalize(form, str(file))) for form in ("NFC", "NFD"))
+    return next((other for other in forms if other.is_file()), file)
 
 
 def most_megapixels() -> float:

@@ -8,6 +8,7 @@ from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import Protocol
+from unicodedata import normalize
 
 import numpy as np
 
@@ -342,9 +343,12 @@ def _check_start(
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:
-    """Return labels that are unique and not reserved; a second run named `color` becomes `color-2`."""
+    """Return labels that are unique and not reserved; a second run named `color` becomes `color-2`.
+
+    Names that look the same are the same: to some file systems, accents are so however they are written.
+    """
     labels: list[str] = []
-    for name in names:
+    for name in (normalize("NFC", name) for name in names):
         label, number = name, 1
         while label in labels or label in RESERVED:
             number += 1

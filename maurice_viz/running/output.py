@@ -183,7 +183,6 @@ def drawing(
     from .observer import SceneObserver
 
     scene = replace(scene, opens=_kept(output, scene))
-
     detail = Detail(output.detail)
     layout = layout_of(runs, scene, output.layout, light=detail is Detail.LIGHT)
     if scene.live:

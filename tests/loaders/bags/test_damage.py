@@ -20,9 +20,10 @@ from ruamel.yaml import YAML
 from helpers import bags as making
 from helpers.bags import Ros, Said
 from maurice_loaders.bags.containers import open_ros2
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import OdometryPose
 
 
 def _in_folder(folder: Path, name: str, **how: str) -> Path:
@@ -360,3 +361,20 @@ def test_metadata_that_is_missing_or_makes_no_sense_is_refused(bag: Path) -> Non
     text = _refusal(bag)
     assert "found 3 files of a bag and no metadata.yaml, expected it" in text
     assert "`ros2 bag reindex bag`" in text
+
+
+def test_of_a_damaged_compressed_message_the_others_are_read(tmp_path: Path) -> None:
+    """Each message of such a bag is packed by itself; one may even be not packed at all."""
+    folder = making.write_ros2(tmp_path / "bag", making.laser_drive(Ros(2)), compression="message")
+    (file,) = folder.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database, database:
+        topic = "(select id from topics where name = '/odom')"
+        rows = database.execute(f"select id, data from messages where topic_id = {topic}")
+        number, data = rows.fetchall()[3]
+        database.execute("update messages set data = ? where id = ?", (data[: len(data) // 2], number))
+    with pytest.raises(InputError, match="a compressed chunk is cut"):
+        list(open_recording(folder, ReadingOptions()).records(ReadingNotes(keep_going=False)))
+    notes = ReadingNotes(keep_going=True)
+    records = list(open_recording(folder, ReadingOptions()).records(notes))
+    assert notes.count == 1
+    assert sum(isinstance(record, OdometryPose) for record in records) == 9

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from unicodedata import normalize
 
 import cv2
 import numpy as np
@@ -179,3 +180,13 @@ def test_a_picture_of_a_pipe_or_a_device_is_refused(tmp_path: Path) -> None:
     for name in ("pipe.png", "zero.png", "none.png", "a\0b.png", "."):
         with pytest.raises(PictureError, match=r"no such picture|cannot be read"):
             picture_file(tmp_path / name)
+
+
+@pytest.mark.parametrize("forms", [("NFC", "NFD"), ("NFD", "NFC")])
+def test_a_picture_whose_accents_are_written_otherwise_is_found(
+    forms: tuple[str, str], tmp_path: Path
+) -> None:
+    """As after copying from a Mac, where the log has one form and the folder the other."""
+    on_disk, named = (tmp_path / normalize(form, "Büro-é.jpg") for form in forms)
+    on_disk.write_bytes(b"picture")
+    assert picture_file(named) == b"picture"

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from maurice_mcl.values import F64, Library
 from maurice_mcl.values.laser import LaserScan
 from maurice_viz.app.branch import BranchChange, open_branch
 from maurice_viz.playback import FilterRun, run_together
-from maurice_viz.running.open import make_runs, open_library_for
+from maurice_viz.running.open import make_runs, open_library_for, unique_labels
 from maurice_viz.running.run_spec import RunSpec, settings_with
 
 PARTICLES, UPDATES = 60, 8
@@ -187,3 +188,9 @@ def test_a_sensor_of_another_package_is_used_by_the_run_that_names_it_alone(tmp_
     for order in (specs, specs[::-1]):
         for name, rows in small.runs(order).items():
             _expect_same(alone[name], rows)
+
+
+def test_labels_that_look_the_same_are_told_apart():
+    """Two folders of these names would be one on some file systems."""
+    names = [normalize(form, "Büro") for form in ("NFC", "NFD")]
+    assert unique_labels(names) == [names[0], f"{names[0]}-2"]
