@@ -23,8 +23,9 @@ from maurice_mcl.scoring.comparison import (
 )
 from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
-from maurice_mcl.scoring.metrics import RunScore, Scorer
+from maurice_mcl.scoring.metrics import RunScore, score_table
 from maurice_mcl.scoring.standing import Standing
+from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values import F64, NO_PICTURE, USUAL, Arena, Moment, Radii, StepRecord
 
@@ -117,7 +118,8 @@ class ResultCollector:
         `starts`, poses (3,), runs are compared with their odometry alone. Scans of a run without a filter are
         laid on the arena's occupancy map.
         """
-        self._scorers = {label: Scorer(arena.size_m) for label in labels}
+        self._rows = {label: TableRows(start=(starts or {}).get(label)) for label in labels}
+        self._arena_m = arena.size_m
         self._pairings = {
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
@@ -128,7 +130,6 @@ class ResultCollector:
             label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
         }
         self._other_drives, self._rivals = frozenset(other_drives), RivalFinder()
-        self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
@@ -144,12 +145,11 @@ class ResultCollector:
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self.no_number[label] += NO_NUMBER in record.events
-            self._scorers[label].add(moment, record)
+            self._rows[label].add(moment, record)
             self._verdicts[label].add(moment, record)
             reckoning = self._reckonings[label]
             if reckoning is not None:
                 reckoning.add(moment, record)
-            self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
         same = [label for label in steps if label not in self._other_drives]
         estimates = {label: steps[label][1].estimate.pose for label in same}
@@ -174,14 +174,12 @@ class ResultCollector:
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
         verdicts = self.verdicts()
-        return [
-            self._result(label, scorer.result(), verdicts[label]) for label, scorer in self._scorers.items()
-        ]
+        return [self._result(label, rows.table(), verdicts[label]) for label, rows in self._rows.items()]
 
-    def _result(self, label: str, score: RunScore, verdict: RunVerdict) -> RunResult:
-        took_s = self._took_s[label]
+    def _result(self, label: str, table: RunTable, verdict: RunVerdict) -> RunResult:
+        took_s, score = self._took_s[label], score_table(table, self._arena_m)
         per_s = score.updates / took_s if took_s > 0 else None
         signal = self._verdicts[label].signal.summary()
-        result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)
+        result = RunResult(label, score, per_s, verdict, table.radii, signal=signal)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

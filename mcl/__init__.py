@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from .filter.localizer import run as run
     from .scoring.metrics import RunScore as RunScore
     from .scoring.metrics import score as score
+    from .scoring.table import RunTable as RunTable
+    from .scoring.table import table as table
     from .values.library import Library as Library
     from .values.pose_sensor import PoseProposal as PoseProposal
     from .values.pose_sensor import PoseSensor as PoseSensor

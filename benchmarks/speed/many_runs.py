@@ -14,8 +14,8 @@ import cv2
 import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
-from maurice_mcl.filter.batch import compared_once, run_batch
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.scoring.batch import compared_once, run_batch
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.records import Comparison

@@ -22,9 +22,10 @@ import numpy as np
 from maurice_datasets.trials.drives import Drive, filter_for
 from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_loaders.files.writing import cache_root
-from maurice_mcl.filter.batch import compared_once
 from maurice_mcl.fitting.belief import FIRST_UPDATE, LEVELS, judge_belief
-from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.scoring.batch import compared_once
+from maurice_mcl.scoring.metrics import score_table
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.records import Comparison
@@ -54,16 +55,16 @@ def judged_run(
 ) -> Judged:
     """Run a filter over a drive, and judge the belief of every update."""
     localizer = filter_for(drive, settings, SEED)
-    state, scorer, rows = localizer.initialize(drive.start), Scorer(), []
+    state, table, rows = localizer.initialize(drive.start), TableRows(), []
     for moment, picture in zip(drive.session.moments(), pictures, strict=True):
         state, record = localizer.step(state, moment.frame, Compared(sharpened(picture, sharp), 0.0))
-        scorer.add(moment, record)
+        table.add(moment, record)
         if moment.truth is not None and record.frame.step >= FIRST_UPDATE:
             judged_belief = judge_belief(record, moment.truth)
             error_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))
             rows.append([judged_belief.denser, judged_belief.squared_sd, judged_belief.nees, error_m])
     denser, squared_sd, nees, error = np.array(rows).T
-    lost = np.full(len(rows), float(scorer.result().lost is True))
+    lost = np.full(len(rows), float(score_table(table.table()).lost is True))
     return {"denser": denser, "squared_sd": squared_sd, "nees": nees, "error_m": error, "lost": lost}
 
 

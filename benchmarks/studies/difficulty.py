@@ -28,7 +28,6 @@ from maurice_datasets.tasks import GENERATOR, TASKS, TIERS
 from maurice_datasets.trials.statistics import mean
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.files.writing import cache_root
-from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.values.arrays import F64, Bool
 from maurice_mcl.values.map import Arena
 
@@ -79,10 +78,7 @@ def tracked(
     session: mcl.Session, library: mcl.Library, channels: Sequence[str], sharpness: float = 1.0
 ) -> tuple[float, bool]:
     localizer = thesis_filter(library, channels, sharpness)
-    scorer = Scorer()
-    for moment, record in mcl.run(localizer, session):
-        scorer.add(moment, record)
-    score = scorer.result()
+    score = mcl.score(mcl.run(localizer, session))
     return (score.position_error_mean_m or 0.0) / INCH_M, bool(score.lost)
 
 

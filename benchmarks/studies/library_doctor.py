@@ -23,12 +23,10 @@ from maurice_datasets.surveys import LATER, Surveyor, references
 from maurice_datasets.trials.drives import Bench, Drive, open_drive, world_of
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, Interval, mean
-from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.library.advice import AMBIGUITY, LibraryAdvice, advise, headings, without_reference
 from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
-from maurice_mcl.scoring.demands import RunTrack
-from maurice_mcl.scoring.metrics import DrivenPath
+from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -111,15 +109,14 @@ def measured(drive: Drive, library: Library, found: SelfSimilarity, center: F64)
     if not counts.any():
         return None
     localizer = Bench.of(library).localizer({}).of_session(drive.session)
-    traces = run_batch(localizer, moments, range(SEEDS), drive.start)
-    tracks = [RunTrack.of(trace.seed, trace, DrivenPath.of(moments)) for trace in traces]
+    runs_ = run_batch(localizer, moments, range(SEEDS), drive.start)
     near = inside(found.places, center)
     grid, free, _ = free_space(library)
     cells = grid.centers()[free.ravel()]
     lacking = without_reference(cells[inside(cells, center)], library.poses, REACH_M)
     return Measured(
-        float(np.mean([track.off_m[counts].mean() for track in tracks])),
-        float(np.mean([track.localized[counts].mean() for track in tracks])),
+        float(np.mean([run.error_m[counts].mean() for run in runs_])),
+        float(np.mean([run.is_localized[counts].mean() for run in runs_])),
         float(found.at_places(found.ambiguity)[near].mean()) if near.any() else np.nan,
         float(lacking.mean()),
     )

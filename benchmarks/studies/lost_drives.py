@@ -22,10 +22,9 @@ from maurice_datasets.tasks import DEMO, FITTING, GENERATOR, SURVEY, TEST
 from maurice_datasets.trials.drives import Bench, Drive, RenderedSession, filter_for
 from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
-from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import SecondFilter
-from maurice_mcl.scoring.metrics import score_step
+from maurice_mcl.scoring.batch import compared_once, run_batch
 from maurice_mcl.values.arrays import F64
 
 from .planted.drives import pack, unpack
@@ -151,13 +150,13 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
     found: Numbers = {
         "library_mean": np.tile(library[0], (len(SEEDS), 1)),
         "library_best": np.tile(library[1], (len(SEEDS), 1)),
-        "error_m": np.array([[_error_m(t, u, m.truth) for u, m in enumerate(moments)] for t in traces]),
-        "correct": np.array([[_score(t, u, m.truth).correct for u, m in enumerate(moments)] for t in traces]),
-        "lost": np.array([[_score(t, u, m.truth).lost for u, m in enumerate(moments)] for t in traces]),
+        "error_m": np.array([t.error_m for t in traces]),
+        "correct": np.array([t.is_correct for t in traces]),
+        "lost": np.array([t.is_off for t in traces]),
         "evidence": np.array([t.calibrated_evidence for t in traces]),
         "log_evidence": np.array([t.log_evidence for t in traces]),
         "mass": np.array([t.mass for t in traces]),
-        "spread": np.array([np.hypot(*t.mean_sd_m.T) / t.radii.right_m for t in traces]),
+        "spread": np.array([t.spread_m / t.radii.right_m for t in traces]),
         "survivors": np.array([t.parents / t.particles for t in traces]),
         "fresh": np.array([t.fresh / t.particles for t in traces]),
         "ess": np.array([t.effective_sample_size / t.particles for t in traces]),
@@ -181,14 +180,6 @@ def second_opinions(
         rows.append([[comparison.near, comparison.elsewhere] for comparison in map(second.shares, poses)])
     near, elsewhere = np.array(rows).T
     return {"near": near, "elsewhere": elsewhere}
-
-
-def _score(trace: RunTrace, update: int, truth: Any) -> Any:
-    return score_step(trace.estimate(update), truth)
-
-
-def _error_m(trace: RunTrace, update: int, truth: Any) -> float:
-    return float(_score(trace, update, truth).position_error_m)
 
 
 def put(file: Path, data: bytes) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.filter.batch import compared_once
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.budget import (
     AS_IS,
@@ -20,6 +19,7 @@ from maurice_mcl.reasons.budget import (
     BudgetLine,
     error_budget_line,
 )
+from maurice_mcl.scoring.batch import compared_once
 from maurice_mcl.values import F64, Moment
 
 from .statistics import Clusters, Interval, mean, share

@@ -9,17 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.filter.batch import RunTrace, SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.scoring.metrics import (
-    DrivenPath,
-    RunErrors,
-    RunScore,
-    Success,
-    first_mostly,
-    score_trace,
-    successes,
-)
+from maurice_mcl.scoring.batch import SteppedRuns
+from maurice_mcl.scoring.metrics import RunScore, Success, first_mostly, score_table, successes
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import F64, Arena, Comparison, Moment, OccupancyMap
@@ -29,17 +22,11 @@ from .stretches import mapped_share
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFigures:
-    """One run of U updates in numbers: meters, radians, seconds."""
+    """One run with its scores: meters, radians, seconds."""
 
+    run: RunTable
     score: RunScore
     success: tuple[Success, ...]  # by the thesis's two readings, since the kidnapping
-    errors: RunErrors
-    sd_m: F64  # (U,) of the cloud
-    confidence: F64  # (U,)
-    driven_m: F64  # (U,)
-    times_s: F64  # (U,)
-    ess_share: F64  # (U,) effective sample size over the number of particles
-    reseeded: int  # updates with fresh particles
     took_s: float
     kidnapped_at: int | None  # update, from 1
     known_start: bool
@@ -59,14 +46,13 @@ class RunFigures:
 
     def row(self) -> dict[str, Any]:
         """Return all figures; None where the truth is not known."""
-        score, since = self.score, (self.kidnapped_at or 1) - 1
-        localized = first_mostly(self.errors.localized[since:])
+        score, run, since = self.score, self.run, (self.kidnapped_at or 1) - 1
+        driven_m, spread_m = run.driven_m, run.spread_m
+        localized = first_mostly(run.is_localized[since:])
         at = None if localized is None else since + localized - 1
-        begun_m, begun_s = (
-            float(values[since]) if since else 0.0 for values in (self.driven_m, self.times_s)
-        )
+        begun_m, begun_s = (float(values[since]) if since else 0.0 for values in (driven_m, run.times_s))
         good = score.updates if score.lost_at_update is None else score.lost_at_update - 4
-        before_loss_m = float(self.driven_m[good - 1]) if good > 0 else 0.0
+        before_loss_m = float(driven_m[good - 1]) if good > 0 else 0.0
         return {
             "updates": score.updates,
             "distance_m": score.distance_m,
@@ -82,24 +68,24 @@ class RunFigures:
             "reached": score.reached,
             "kidnapped_at_update": self.kidnapped_at,
             "pictures_to_localize": localized,
-            "localized_m": None if at is None else float(self.driven_m[at]) - begun_m,
-            "localized_s": None if at is None else float(self.times_s[at]) - begun_s,
+            "localized_m": None if at is None else float(driven_m[at]) - begun_m,
+            "localized_s": None if at is None else float(run.times_s[at]) - begun_s,
             "pictures_after": None if score.lost is None else score.updates - since,
-            "after_m": None if score.lost is None else float(self.driven_m[-1]) - begun_m,
-            "after_s": None if score.lost is None else float(self.times_s[-1]) - begun_s,
+            "after_m": None if score.lost is None else float(driven_m[-1]) - begun_m,
+            "after_s": None if score.lost is None else float(run.times_s[-1]) - begun_s,
             "right_at_end": score.right_at_end,
             "wrong_confident": score.wrong_confident_share,
             "succeeded_tenth": self._succeeded(0),
             "succeeded_circle": self._succeeded(1),
-            "confidence_end": float(self.confidence[-1]),
-            "sd_end_m": float(self.sd_m[-1]),
-            "ess_share": float(self.ess_share.cumsum()[-1]) / score.updates,
-            "reseeded": self.reseeded,
+            "confidence_end": float(run.confidence[-1]),
+            "sd_end_m": float(spread_m[-1]),
+            "ess_share": float(run.ess_share.cumsum()[-1]) / score.updates,
+            "reseeded": int((run.fresh > 0).sum()),
             "took_s": self.took_s,
-            "off_m": self.errors.off_m.tolist(),
-            "off_rad": self.errors.off_rad.tolist(),
-            "sd_m": self.sd_m.tolist(),
-            "confidence": self.confidence.tolist(),
+            "off_m": run.error_m.tolist(),
+            "off_rad": run.heading_error_rad.tolist(),
+            "sd_m": spread_m.tolist(),
+            "confidence": run.confidence.tolist(),
         }
 
     def _succeeded(self, reading: int) -> bool:
@@ -129,26 +115,19 @@ class RunTally:
     def step(self, moment: Moment, picture: Compared) -> None:
         """Process the next update of all runs; each has its share of the time, and compares for itself."""
         began = perf_counter()
-        self.runs.advance(moment.frame, picture.comparison)
+        self.runs.advance(moment, picture.comparison)
         self.took_s += (perf_counter() - began) / len(self.numbers) + picture.took_s
 
     def figures(self, drive: Sequence[Moment]) -> list[RunFigures]:
         """Return the figures of each run; the moments of the drive need no pictures."""
-        path, at = DrivenPath.of(drive), kidnapped_at(drive)
-        return [self._figures_of(trace, path, at) for trace in self.runs.traces()]
+        at = kidnapped_at(drive)
+        return [self._figures_of(run, at) for run in self.runs.tables()]
 
-    def _figures_of(self, trace: RunTrace, path: DrivenPath, at: int | None) -> RunFigures:
-        errors = RunErrors.of(trace, path)
+    def _figures_of(self, run: RunTable, at: int | None) -> RunFigures:
         return RunFigures(
-            score=score_trace(trace, path),
-            success=successes(trace, path, errors.off_m, self.arena.size_m, (at or 1) - 1),
-            errors=errors,
-            sd_m=np.hypot(trace.mean_sd_m[:, 0], trace.mean_sd_m[:, 1]),
-            confidence=trace.confidence,
-            driven_m=path.driven_m,
-            times_s=path.times_s,
-            ess_share=trace.effective_sample_size / [self.localizer.particles, *trace.particles[:-1]],
-            reseeded=int((trace.fresh > 0).sum()),
+            run=run,
+            score=score_table(run),
+            success=successes(run, self.arena.size_m, (at or 1) - 1),
             took_s=self.took_s,
             kidnapped_at=at,
             known_start=self.known_start,

@@ -10,7 +10,8 @@ from typing import Any
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.fitting.belief import BeliefCalibration, BeliefJudge
-from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.scoring.metrics import score_table
+from maurice_mcl.scoring.table import TableRows
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.saved_steps import Pictures, Restored, restored_together
@@ -84,10 +85,10 @@ def _calibrated(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: L
 
 def _add(judge: BeliefJudge, run: SavedRun) -> bool:
     """Add the updates of a run; return whether it was healthy."""
-    scorer, carried = Scorer(), False
+    rows = TableRows()
     for moment, records in restored_together([Restored(run, None)], Pictures()):
         [record] = records.values()
         judge.add(record, moment.truth)
-        scorer.add(moment, record)
-        carried |= moment.kidnapped
-    return not carried and scorer.result().lost is not True
+        rows.add(moment, record)
+    table = rows.table()
+    return not table.kidnapped.any() and score_table(table).lost is not True

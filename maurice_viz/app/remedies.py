@@ -15,13 +15,12 @@ from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_driv
 from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
-from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.past import KEPT
 from maurice_mcl.filter.sensor_proposal import can_propose
-from maurice_mcl.scoring import metrics
-from maurice_mcl.scoring.metrics import DrivenPath
+from maurice_mcl.scoring.batch import run_batch
+from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_table
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.laser.sensor import LASER
@@ -208,8 +207,8 @@ class _Past:
                 past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
         past.updates = [_updates_read(sensor, last) for sensor in sensors]
         known = sum(moment.truth is not None for moment in past.moments)
-        if known < metrics.RIGHT_AT_END[1]:
-            needed = f"expected at least {metrics.RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
+        if known < RIGHT_AT_END[1]:
+            needed = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
             raise InputError(point.run.folder, f"found {known} true poses after step {step}, {needed}")
         return past
 
@@ -240,12 +239,9 @@ class _Past:
     ) -> SeedResults:
         known, anywhere = (self.step, self.belief, self.evidences, updates), remedy.change.anywhere
         begun = [self.point.begin(replace(localizer, seed=seed), *known, anywhere=anywhere) for seed in seeds]
-        traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
-        path = DrivenPath.of(self.moments)
-        scores = [metrics.score_trace(trace, path) for trace in traces]
-        localized = [metrics.RunErrors.of(trace, path).localized.tolist() for trace in traces]
-        at_end = np.array([metrics.mostly_at_end(flags) is True for flags in localized], bool)
-        errors_m = np.array([score.position_error_mean_m for score in scores], np.float64)
+        runs = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
+        at_end = np.array([mostly_at_end(run.is_localized.tolist()) is True for run in runs], bool)
+        errors_m = np.array([score_table(run).position_error_mean_m for run in runs], np.float64)
         return SeedResults(at_end, errors_m)
 
 

@@ -20,7 +20,8 @@ from maurice_mcl.filter.past import KEPT
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
-from maurice_mcl.scoring.metrics import RunErrors, Scorer, mostly_at_end
+from maurice_mcl.scoring.metrics import mostly_at_end
+from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values import FilterState, Moment, Past, StepRecord
 
@@ -135,7 +136,7 @@ def _branched(
             f"the belief after step {from_step} is resampled to {pair.localizer.particles} particles"
         )
     scores = play(pair.playback(listener), output.named([f"what if {pair.label}"]), listener)
-    before, after = _after(pair.run_scorer), _after(pair.branch_scorer)
+    before, after = _after(pair.run_rows.table()), _after(pair.branch_rows.table())
     if not before.updates:
         raise InputError(point.run.folder, f"holds no step after {from_step}; give an earlier --from")
     paired = scores.runs[1].paired
@@ -165,8 +166,8 @@ class _Pair:
     differs: RunDifference | None = None
     last: int = 0  # step
     parting: RunComparison = field(init=False)
-    run_scorer: Scorer = field(default_factory=Scorer)  # of the updates after the branch
-    branch_scorer: Scorer = field(default_factory=Scorer)
+    run_rows: TableRows = field(default_factory=TableRows)  # of the updates after the branch
+    branch_rows: TableRows = field(default_factory=TableRows)
 
     def __post_init__(self) -> None:
         info, arena = self.point.session.info, self.point.library.arena
@@ -246,8 +247,8 @@ class _Pair:
         state, branch = self.localizer.step(state, moment.frame, known)
         if self.differs is None:
             self.differs = first_difference(_compared(moment, record), _compared(moment, branch))
-        self.run_scorer.add(moment, record)
-        self.branch_scorer.add(moment, branch)
+        self.run_rows.add(moment, record)
+        self.branch_rows.add(moment, branch)
         return state, branch
 
 
@@ -258,10 +259,9 @@ def _compared(moment: Moment, record: StepRecord) -> StepRows:
     return replace(rows, step={key: value for key, value in rows.step.items() if key not in beside})
 
 
-def _after(scorer: Scorer) -> AfterBranch:
-    errors = RunErrors.of(scorer.numbers, scorer.path)
-    known, updates = errors.known, len(errors.known)
+def _after(run: RunTable) -> AfterBranch:
+    known = run.known
     if not known.any():
-        return AfterBranch(updates, None, None, None)
-    off_m, share = float(errors.off_m[known].mean()), float(errors.localized[known].mean())
-    return AfterBranch(updates, off_m, share, mostly_at_end(errors.correct[known].tolist()))
+        return AfterBranch(run.updates, None, None, None)
+    off_m, share = float(run.error_m[known].mean()), float(run.is_localized[known].mean())
+    return AfterBranch(run.updates, off_m, share, mostly_at_end(run.is_correct[known].tolist()))

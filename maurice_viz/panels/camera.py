@@ -15,7 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.reasons.place import reference_near
-from maurice_mcl.scoring.metrics import LOST_RAD
+from maurice_mcl.scoring.table import LOST_RAD
 
 from .. import entities
 from ..drawing.arrow import blob_of, row_of

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from maurice_mcl.reasons.causes import CARRIED
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
-from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
+from maurice_mcl.scoring.metrics import StepScore
+from maurice_mcl.scoring.table import RIGHT_RAD
 
 from ..style import Scale, capital
 from .causes import ROBOT_KIDNAPPED, say_cause, say_incident, steps_text

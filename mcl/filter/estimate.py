@@ -70,7 +70,7 @@ def are_wide(clouds: Clouds, reach_m: float) -> Bool:
 
 
 def batch_estimates(clouds: Clouds, radii: Radii) -> dict[str, F64]:
-    """Return the columns (R, ...) of a `RunTrace` that are `estimates`; no cloud may be wide (`are_wide`)."""
+    """Return the columns (R, ...) of a run's table that are `estimates`; no cloud may be wide."""
     cluster = clouds.weights * _heaviest(clouds, clouds.weights, radii.cluster_m)
     scored = _summaries(clouds, cluster, radii)
     centers = scored["poses"][:, :2] - clouds.origin

@@ -14,10 +14,11 @@ from functools import reduce
 import numpy as np
 
 from ..errors import InputError
-from ..filter.batch import RunTrace, run_batch
 from ..filter.localizer import Localizer
 from ..filter.proposal import regions
-from ..scoring.metrics import DrivenPath, score_trace
+from ..scoring.batch import run_batch
+from ..scoring.metrics import score_table
+from ..scoring.table import RunTable
 from ..sensor.model import SensorModel
 from ..sensor.references import nearest_reference
 from ..sensor.virtual_references import virtual_references
@@ -94,13 +95,11 @@ def error_budget_line(
         comparisons = perfect_comparisons(localizer, moments, comparisons)
     elif part == SAMPLING:
         localizer = replace(localizer, particles=max(MANY_PARTICLES, localizer.particles))
-    traces = run_batch(localizer, moments, seeds, start, comparisons)
-    return _scored(part, traces, moments)
+    return _scored(part, run_batch(localizer, moments, seeds, start, comparisons))
 
 
-def _scored(part: str, traces: Sequence[RunTrace], moments: Sequence[Moment]) -> BudgetLine:
-    path = DrivenPath.of(moments)
-    scores = [score_trace(trace, path) for trace in traces]
+def _scored(part: str, runs: Sequence[RunTable]) -> BudgetLine:
+    scores = [score_table(run) for run in runs]
     errors = [np.nan if s.position_error_mean_m is None else s.position_error_mean_m for s in scores]
     return BudgetLine(part, np.array(errors), np.array([score.lost is True for score in scores]))
 

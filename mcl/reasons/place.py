@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scoring.metrics import LOST_RAD
 from ..scoring.modes import around
+from ..scoring.table import LOST_RAD
 from ..sensor.references import NearestReference
 from ..values import F32, F64, Comparison, Library, StepRecord
 from ..values.geometry import wrap_angle

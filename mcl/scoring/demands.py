@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..filter.batch import RunTrace
 from ..values import F64, Bool, Moment
 from . import metrics
-from .metrics import DrivenPath, RunErrors, RunNumbers
+from .table import RunTable
 
 LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
 
@@ -68,10 +67,9 @@ class RunTrack:
     converged: Bool  # (U,)
 
     @classmethod
-    def of(cls, seed: int, run: RunNumbers | RunTrace, path: DrivenPath) -> RunTrack:
-        """Compare a run's estimates with the truth of the drive it was made from."""
-        errors = RunErrors.of(run, path)
-        return cls(seed, errors.off_m, errors.localized, errors.lost, errors.converged)
+    def of(cls, run: RunTable) -> RunTrack:
+        """Take what demands are on from a run's table."""
+        return cls(run.seed, run.error_m, run.is_localized, run.is_off, run.is_converged)
 
 
 def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:

@@ -5,29 +5,24 @@ Everything is measured against the truth and the scored estimate: the heaviest c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..filter.batch import RunTrace
-from ..filter.estimate import CIRCLE_M, share_within
-from ..values.arrays import F64, I32, Bool
-from ..values.geometry import INCH_M, angle_between, motion_between, wrap_angle
-from ..values.library import USUAL, Radii
+from ..values.arrays import F64, Bool
+from ..values.geometry import INCH_M, angle_between, motion_between
 from ..values.map import Arena
 from ..values.records import Estimate, StepRecord
 from ..values.session import Moment
+from .table import CONVERGED_SHARE, LOST_RAD, RIGHT_RAD, RunTable, table
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
-LOST_RAD, LOST_FOR = float(np.deg2rad(45)), 4
-RIGHT_RAD = float(np.deg2rad(30))
-CONVERGED_SHARE = 0.9
+LOST_FOR = 4  # updates in a row
 LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
 SEGMENT_RADII = 4.0  # length of a segment of the relative error, in radii of *right*
-NO_TRUTH: F64 = np.full(3, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,162 +130,36 @@ class RunScore:
     relative: RelativeError | None = None  # over segments of 4 radii of *right*
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrivenPath:
-    """The true poses, times and lengths of a drive of U updates: the same for every run on it."""
-
-    truths: F64  # (U, 3) NaN where not known
-    times_s: F64  # (U,) since the session's first record
-    moved_m: F64  # (U,) at each update, by odometry
-
-    @classmethod
-    def of(cls, moments: Sequence[Moment]) -> DrivenPath:
-        """Follow a drive; its pictures are not looked at."""
-        truths = [NO_TRUTH if moment.truth is None else moment.truth for moment in moments]
-        times_s = np.array([moment.frame.time_s for moment in moments], np.float64)
-        moved_m = np.array([length_of(moment.frame.motions) for moment in moments], np.float64)
-        return cls(np.array(truths, np.float64).reshape(-1, 3), times_s, moved_m)
-
-    @property
-    def known(self) -> Bool:
-        """Where (U,) the truth is known."""
-        return ~np.isnan(self.truths[:, 0])
-
-    @property
-    def true_m(self) -> F64:
-        """How far the robot has driven up to each update (U,), by the truth."""
-        updates, legs_m = np.flatnonzero(self.known), np.zeros(len(self.truths))
-        legs_m[updates[1:]] = np.hypot(*np.diff(self.truths[updates, :2], axis=0).T)
-        return legs_m.cumsum()
-
-    @property
-    def driven_m(self) -> F64:
-        """How far the robot has driven (U,): by the truth, by odometry while no truth is known."""
-        return np.where(np.logical_or.accumulate(self.known), self.true_m, self.moved_m.cumsum())
-
-
-def length_of(motions: F64) -> float:
-    """Return how far movements (M, 3) drive."""
-    return float(np.hypot(motions[:, 0], motions[:, 1]).sum())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunErrors:
-    """U updates against the truth, as arrays (U,); NaN and False where it is not known."""
-
-    known: Bool  # whether the truth is
-    off_m: F64  # position error
-    off_rad: F64  # heading error
-    converged: Bool
-    correct: Bool
-    lost: Bool  # too far off at this update
-
-    @classmethod
-    def of(cls, run: RunNumbers | RunTrace, path: DrivenPath) -> RunErrors:
-        """Return what `score_step` finds at every update."""
-        off = run.poses - path.truths
-        off_m = np.hypot(off[:, 0], off[:, 1])
-        off_rad = np.abs(wrap_angle(off[:, 2]))
-        return cls(
-            known=path.known,
-            off_m=off_m,
-            off_rad=off_rad,
-            converged=run.converged >= CONVERGED_SHARE,
-            correct=(off_m <= run.radii.right_m) & (off_rad <= RIGHT_RAD),
-            lost=(off_m > run.radii.lost_m) | (off_rad > LOST_RAD),
-        )
-
-    @property
-    def localized(self) -> Bool:
-        """Converged and correct."""
-        return self.converged & self.correct
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunNumbers:
-    """What scores need of a run of U updates, as in a `RunTrace`."""
-
-    steps: I32  # (U,)
-    poses: F64  # (U, 3)
-    converged: F64  # (U,)
-    circle: F64  # (U,)
-    mean_sd_m: F64  # (U, 2)
-    radii: Radii
-
-
-def score_trace(
-    run: RunNumbers | RunTrace, path: DrivenPath, arena_m: tuple[float, float] | None = None
-) -> RunScore:
-    """Score a run against the truth of the drive it was made from.
-
-    With the arena's width and depth, success is also judged as the thesis does.
-    """
-    errors, true_m = RunErrors.of(run, path), path.true_m
-    known, updates = errors.known, len(errors.known)
+def score_table(run: RunTable, arena_m: tuple[float, float] | None = None) -> RunScore:
+    """Score a run; with the arena's width and depth, success is also judged as the thesis does."""
+    known, true_m, updates = run.known, run.true_m, run.updates
     scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
-    off_m, off_rad = errors.off_m[scored], errors.off_rad[scored]
+    error_m, is_localized = run.error_m, run.is_localized
+    off_m, off_rad = error_m[scored], run.heading_error_rad[scored]
     judged = np.flatnonzero(known)  # the others neither begin nor end anything
-    lost, localized = first_run_of(errors.lost[known], LOST_FOR), first_mostly(errors.localized[known])
+    lost, localized = first_run_of(run.is_off[known], LOST_FOR), first_mostly(is_localized[known])
     lost_at = None if lost is None else int(judged[lost - 1]) + 1
     good = updates if lost is None else int(judged[lost - LOST_FOR])  # updates before it was lost
     any_known, any_scored = bool(known.any()), len(off_m) > 0
+    is_correct = run.is_correct
     return RunScore(
         updates=updates,
-        distance_m=float((true_m if any_known else path.moved_m.cumsum())[-1]) if updates else 0.0,
+        distance_m=float((true_m if any_known else run.odometry_m.cumsum())[-1]) if updates else 0.0,
         position_error_mean_m=float(np.mean(off_m)) if any_scored else None,
         position_error_median_m=float(np.median(off_m)) if any_scored else None,
-        position_error_final_m=float(errors.off_m[known][-1]) if any_known else None,
+        position_error_final_m=float(error_m[known][-1]) if any_known else None,
         heading_error_mean_rad=float(np.mean(off_rad)) if any_scored else None,
         heading_error_median_rad=float(np.median(off_rad)) if any_scored else None,
         localized_at_update=None if localized is None else int(judged[localized - 1]) + 1,
-        localized_share=_share(errors.localized[known]),
+        localized_share=_share(is_localized[known]),
         lost=lost_at is not None if any_known else None,
         lost_at_update=lost_at,
         reached=bool(good > 0 and true_m[good - 1] >= GOAL_M) if any_known else None,
-        wrong_confident_share=_share((errors.converged & ~errors.correct)[known]),
-        right_at_end=mostly_at_end(errors.correct[known].tolist()),
-        success=() if arena_m is None else successes(run, path, errors.off_m, arena_m),
-        relative=relative_error(path.truths[scored], run.poses[scored], SEGMENT_RADII * run.radii.right_m),
+        wrong_confident_share=_share((run.is_converged & ~is_correct)[known]),
+        right_at_end=mostly_at_end(is_correct[known].tolist()),
+        success=() if arena_m is None else successes(run, arena_m),
+        relative=relative_error(run.truths[scored], run.poses[scored], SEGMENT_RADII * run.radii.right_m),
     )
-
-
-@dataclass(slots=True)
-class Scorer:
-    """Collects what the score of one run needs: a few numbers per update, and no cloud."""
-
-    arena_m: tuple[float, float] | None = None  # width and depth; with them success is judged, too
-    radii: Radii = USUAL  # of the last update
-    _drive: list[tuple[F64, float, float]] = field(default_factory=list)  # as in `DrivenPath`
-    _run: list[tuple[int, F64, float, float, tuple[float, float]]] = field(default_factory=list)
-
-    def add(self, moment: Moment, record: StepRecord) -> None:
-        """Process the next update; one without truth is in no error or share."""
-        frame, estimate = moment.frame, record.estimate
-        truth = NO_TRUTH if moment.truth is None else moment.truth
-        self._drive.append((truth, frame.time_s, length_of(frame.motions)))
-        circle = 0.0 if self.arena_m is None else share_within(record.weighted, estimate.pose, CIRCLE_M)
-        sd_m = record.mean_estimate.sd_m
-        self._run.append((frame.step, estimate.pose, estimate.converged, circle, sd_m))
-        self.radii = estimate.radii
-
-    @property
-    def path(self) -> DrivenPath:
-        """The drive so far."""
-        truths, times_s, moved_m = zip(*self._drive, strict=True) if self._drive else ((), (), ())
-        truth = np.array(truths, np.float64).reshape(-1, 3)
-        return DrivenPath(truth, np.array(times_s, np.float64), np.array(moved_m, np.float64))
-
-    @property
-    def numbers(self) -> RunNumbers:
-        """The run so far."""
-        columns = zip(*self._run, strict=True) if self._run else ((),) * 5
-        steps, poses, converged, circle, sd_m = (np.array(column) for column in columns)
-        poses, sd_m = poses.reshape(-1, 3), sd_m.reshape(-1, 2)
-        return RunNumbers(steps.astype(np.int32), poses, converged, circle, sd_m, self.radii)
-
-    def result(self) -> RunScore:
-        """Return the score of the run so far."""
-        return score_trace(self.numbers, self.path, self.arena_m)
 
 
 def first_run_of(flags: Iterable[bool], length: int) -> int | None:
@@ -333,10 +202,7 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
         >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
         False
     """
-    scorer = Scorer(None if arena is None else arena.size_m)
-    for moment, record in steps:
-        scorer.add(moment, record)
-    return scorer.result()
+    return score_table(table(steps), None if arena is None else arena.size_m)
 
 
 SUCCESS_SHARE = 0.9  # share of the weight about one point
@@ -357,25 +223,20 @@ class Success:
     failed_at_step: int | None = None  # also after it was localized
 
 
-def successes(
-    run: RunNumbers | RunTrace, path: DrivenPath, off_m: F64, arena_m: tuple[float, float], since: int = 0
-) -> tuple[Success, Success]:
-    """Judge a run by the thesis's two readings, from some update on; `off_m` (U,) is its position error.
+def successes(run: RunTable, arena_m: tuple[float, float], since: int = 0) -> tuple[Success, Success]:
+    """Judge a run by the thesis's two readings, from some update on.
 
     "tenth": over 90 % is converged on the estimate, and the sd of all is below 10 % of the arena per axis.
     "circle": over 90 % is within 6 in of the estimate.
     """
     narrow = (run.mean_sd_m < SUCCESS_SD_SHARE * np.array(arena_m)).all(axis=1)
     tenth, circle = (run.converged > SUCCESS_SHARE) & narrow, run.circle > SUCCESS_SHARE
-    too_far = off_m > run.radii.lost_m
-    return (
-        _success("tenth", tenth, run.steps, path, too_far, since),
-        _success("circle", circle, run.steps, path, too_far, since),
-    )
+    return _success("tenth", tenth, run, since), _success("circle", circle, run, since)
 
 
-def _success(preset: str, met: Bool, steps: I32, path: DrivenPath, too_far: Bool, since: int) -> Success:
-    driven_m, times_s, steps = path.driven_m[since:], path.times_s[since:], steps[since:]
+def _success(preset: str, met: Bool, run: RunTable, since: int) -> Success:
+    driven_m, times_s, steps = run.driven_m[since:], run.times_s[since:], run.steps[since:]
+    too_far = run.error_m > run.radii.lost_m
     begun_m, begun_s = (float(driven_m[0]), float(times_s[0])) if since else (0.0, 0.0)
     if since:  # a cloud that is still where the robot was carried from is no success
         met = met & ~too_far

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..filter.estimate import TIE, Modes, first_heaviest, modes
 from ..values import F32, F64, I32, Belief, Bool, Estimate, StepRecord
-from .metrics import LOST_RAD
+from .table import LOST_RAD
 
 # Around the truth: that share of the weight changes three times, by the motion, the picture, and resampling.
 

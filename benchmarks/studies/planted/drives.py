@@ -19,7 +19,7 @@ from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.drives import RenderedSession
 from maurice_loaders.files.writing import cache_root, write_whole
 from maurice_loaders.session_log.header import SESSION_LOG, header_from_json, header_to_json
-from maurice_mcl.scoring.metrics import NO_TRUTH
+from maurice_mcl.scoring.table import UNKNOWN_POSE
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import wrap
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
@@ -84,7 +84,7 @@ def pack(session: RenderedSession) -> bytes:
         times_s=np.array([frame.time_s for frame in frames]),
         counts=np.array([len(frame.motions) for frame in frames]),
         motions=np.concatenate([frame.motions for frame in frames]),
-        truths=np.array([NO_TRUTH if m.truth is None else m.truth for m in session.all_moments]),
+        truths=np.array([UNKNOWN_POSE if m.truth is None else m.truth for m in session.all_moments]),
     )
     return packed.getvalue()
 

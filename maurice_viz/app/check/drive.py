@@ -19,7 +19,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.session_log.header import drive_name
-from maurice_mcl.filter.batch import SteppedRuns, compared_once
+from maurice_mcl.scoring.batch import SteppedRuns, compared_once
 from maurice_mcl.scoring.demands import (
     ERROR,
     Demands,
@@ -29,7 +29,8 @@ from maurice_mcl.scoring.demands import (
     judge_run,
     starts_of,
 )
-from maurice_mcl.scoring.metrics import LOCALIZED_OF, DrivenPath, Scorer
+from maurice_mcl.scoring.metrics import LOCALIZED_OF
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values import Library, Moment
 
 from ...errors import Listener, OptionError
@@ -196,11 +197,11 @@ def _run_all(
     comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
     remark_skipped(session, listener)
     _expect_long_enough(session.path, moments, asked.demands)
-    runs, path = SteppedRuns.begin(run.localizer, range(asked.seeds), run.start), DrivenPath.of(moments)
+    runs = SteppedRuns.begin(run.localizer, range(asked.seeds), run.start)
     for number, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True), 1):
-        runs.advance(moment.frame, comparison)
+        runs.advance(moment, comparison)
         listener.progress(number, total, f"step {asked.seeds:,} runs")
-    return moments, tuple(RunTrack.of(trace.seed, trace, path) for trace in runs.traces())
+    return moments, tuple(map(RunTrack.of, runs.tables()))
 
 
 def _check_recorded(
@@ -210,13 +211,13 @@ def _check_recorded(
     if asked.spec != RunSpec() or asked.library is not None or asked.seeds > 1:
         only = "only demands apply, no options of a filter"
         raise OptionError(f"{saved.folder} is another localizer's run: {only}")
-    manifest, moments, scorer = saved.manifest, list[Moment](), Scorer()
+    manifest, moments, rows = saved.manifest, list[Moment](), TableRows()
     _expect_truth(saved.folder, asked.demands, has_truth=manifest.has_truth)
     for moment, records in restored_together([Restored(saved, None)], Pictures()):
         moments.append(moment)
-        scorer.add(moment, records[manifest.label])
+        rows.add(moment, records[manifest.label])
     _expect_long_enough(saved.folder, moments, asked.demands)
-    track = RunTrack.of(manifest.seed, scorer.numbers, scorer.path)
+    track = RunTrack.of(rows.table(manifest.seed))
     runs = DriveRuns(_unique(manifest.name, taken), manifest.configuration_sha256[:12], (track,))
     scale = scale_for(manifest.display_units, saved.arena())
     result = _check_of(runs, saved.folder, scale, moments, asked, listener)

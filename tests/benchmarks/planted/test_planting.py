@@ -19,8 +19,8 @@ from benchmarks.studies.remedies import write_planted
 from helpers.small_room import write_small_room
 from maurice_datasets.tasks import FITTING, TEST
 from maurice_loaders import open_library, open_session
-from maurice_mcl.filter.batch import compared_once
 from maurice_mcl.reasons.causes import CAUSES, OUT_OF_PLANE, UNKNOWN
+from maurice_mcl.scoring.batch import compared_once
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from maurice_datasets.trials.rows import MEASURED
 from maurice_datasets.trials.runs import Job, Row, jobs_of, run_job
 from maurice_datasets.trials.tally import RunFigures, RunTally
 from maurice_loaders.errors import InputError
-from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.scoring.batch import SteppedRuns
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.values.session import Frame, Moment
 

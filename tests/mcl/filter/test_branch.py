@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import branched, recovery_evidence, resized
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.values.records import Belief
 
 SETTINGS = {

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.filter.batch import compared_once
 from maurice_mcl.reasons.budget import (
     AS_IS,
     LIBRARY,
@@ -20,6 +19,7 @@ from maurice_mcl.reasons.budget import (
     with_dense_references,
     with_true_motions,
 )
+from maurice_mcl.scoring.batch import compared_once
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.nearest import distinct_places, spacing
 

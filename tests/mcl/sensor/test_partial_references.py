@@ -9,7 +9,7 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.filter.batch import run_batch
+from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.sensor.references import (
     InterpolatedReference,
     InterpolationParameters,

@@ -10,8 +10,8 @@ import pytest
 import maurice_mcl as mcl
 from maurice_mcl.config.build import adapted, available
 from maurice_mcl.config.parameters import Layer, configure
-from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.sensor_proposal import density, draw_poses, elsewhere
+from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.sensor.descriptors.registry import weights_of
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.pose_sensor import EXACT, PoseProposal, Shown

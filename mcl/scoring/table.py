@@ -1,0 +1,326 @@
+"""A run as a table: one row an update, the same columns wherever a run is kept (docs/run-table.md).
+
+Scores, episodes, traces, reports and trials are functions of it. A cloud is not part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..filter.estimate import CIRCLE_M, share_within
+from ..filter.localizer import RESAMPLED
+from ..values.arrays import F64, I32, Bool
+from ..values.geometry import compose, wrap_angle
+from ..values.library import USUAL, Radii
+from ..values.records import Estimate, StepRecord
+from ..values.session import Moment
+
+if TYPE_CHECKING:
+    import polars as pl
+
+LOST_RAD, RIGHT_RAD = float(np.deg2rad(45)), float(np.deg2rad(30))
+CONVERGED_SHARE = 0.9
+UNKNOWN_POSE: F64 = np.full(3, np.nan)
+POSE, PLANE = ("x_m", "y_m", "heading_rad"), ("x_m", "y_m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTable:
+    """One run of U updates in numbers: meters, radians, seconds; NaN where something is not known.
+
+    The first columns are those of the drive, the others those of the run. What scores mean by right, lost
+    and converged is computed from them (docs/evaluation.md).
+    """
+
+    seed: int
+    radii: Radii  # by which it is judged
+    steps: I32  # (U,) of the frames
+    times_s: F64  # (U,) since the session's first record
+    truths: F64  # (U, 3)
+    odometry_m: F64  # (U,) driven since the update before, by odometry
+    odometry: F64  # (U, 3) by odometry alone, from the first true pose, or from the start
+    kidnapped: Bool  # (U,) whether the log says that the robot was carried away
+    poses: F64  # (U, 3) the scored estimates, in the map's frame
+    sd_m: F64  # (U, 2) their spread along x and y
+    heading_sd_rad: F64  # (U,)
+    mass: F64  # (U,) share of the weight that stands behind each
+    confidence: F64  # (U,) share of the weight within `radii.confidence_m`
+    converged: F64  # (U,) ... within `radii.cluster_m`
+    circle: F64  # (U,) ... within `CIRCLE_M`
+    mean_poses: F64  # (U, 3) the weighted means of the whole cloud
+    mean_sd_m: F64  # (U, 2) the spread of the whole cloud along x and y
+    effective_sample_size: F64  # (U,) before resampling
+    log_evidence: F64  # (U,)
+    calibrated_evidence: F64  # (U,)
+    weighted: I32  # (U,) how many particles were weighted
+    particles: I32  # (U,) how many there are after the update
+    parents: I32  # (U,) how many different particles these are copies of
+    fresh: I32  # (U,) how many of them recovery drew
+    events: tuple[tuple[str, ...], ...]  # (U,) as in `StepRecord.events`
+
+    @property
+    def updates(self) -> int:
+        """The number of updates U."""
+        return len(self.steps)
+
+    @property
+    def known(self) -> Bool:
+        """Where (U,) the truth is known."""
+        return ~np.isnan(self.truths[:, 0])
+
+    @property
+    def true_m(self) -> F64:
+        """How far the robot has driven up to each update (U,), by the truth."""
+        updates, legs_m = np.flatnonzero(self.known), np.zeros(self.updates)
+        legs_m[updates[1:]] = np.hypot(*np.diff(self.truths[updates, :2], axis=0).T)
+        return legs_m.cumsum()
+
+    @property
+    def driven_m(self) -> F64:
+        """How far the robot has driven (U,): by the truth, by odometry while no truth is known."""
+        return np.where(np.logical_or.accumulate(self.known), self.true_m, self.odometry_m.cumsum())
+
+    @property
+    def error_m(self) -> F64:
+        """Position error (U,)."""
+        off = self.poses - self.truths
+        return np.hypot(off[:, 0], off[:, 1])
+
+    @property
+    def heading_error_rad(self) -> F64:
+        """Heading error (U,), without sign."""
+        return np.abs(wrap_angle((self.poses - self.truths)[:, 2]))
+
+    @property
+    def is_converged(self) -> Bool:
+        """Whether (U,) at least 90 % of the weight is near the estimate."""
+        return self.converged >= CONVERGED_SHARE
+
+    @property
+    def is_correct(self) -> Bool:
+        """Whether (U,) the estimate is right; False where the truth is not known."""
+        return (self.error_m <= self.radii.right_m) & (self.heading_error_rad <= RIGHT_RAD)
+
+    @property
+    def is_off(self) -> Bool:
+        """Whether (U,) it is too far off: lost after four in a row. False where the truth is not known."""
+        return (self.error_m > self.radii.lost_m) | (self.heading_error_rad > LOST_RAD)
+
+    @property
+    def is_localized(self) -> Bool:
+        """Converged and correct (U,)."""
+        return self.is_converged & self.is_correct
+
+    @property
+    def spread_m(self) -> F64:
+        """Standard deviation of the whole cloud (U,)."""
+        return np.hypot(self.mean_sd_m[:, 0], self.mean_sd_m[:, 1])
+
+    @property
+    def ess_share(self) -> F64:
+        """Effective sample size (U,) over the number of particles that were weighted."""
+        return self.effective_sample_size / self.weighted
+
+    def estimate(self, update: int) -> Estimate:
+        """Return the scored estimate of an update, counted from 0."""
+        sd_x_m, sd_y_m = self.sd_m[update].tolist()
+        return Estimate(
+            pose=self.poses[update],
+            sd_m=(sd_x_m, sd_y_m),
+            heading_sd_rad=float(self.heading_sd_rad[update]),
+            mass=float(self.mass[update]),
+            confidence=float(self.confidence[update]),
+            converged=float(self.converged[update]),
+            radii=self.radii,
+        )
+
+    def frame(self) -> pl.DataFrame:
+        """Return the table as a polars frame, one row an update, null where something is not known.
+
+        docs/run-table.md lists the columns.
+
+            >>> import maurice_mcl as mcl
+            >>> table = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+            >>> table.frame().select("step", "error_m").height
+            6
+        """
+        import polars as pl  # a run without tables does without it
+
+        columns: dict[str, Any] = {"step": self.steps, "time_s": self.times_s}
+        for name, poses in {"truth": self.truths, "estimate": self.poses, "odometry": self.odometry}.items():
+            columns |= {f"{name}_{axis}": poses[:, k] for k, axis in enumerate(POSE)}
+        known = self.known
+        columns |= {"error_m": self.error_m, "heading_error_rad": self.heading_error_rad}
+        judged = {"correct": self.is_correct, "off": self.is_off, "localized": self.is_localized}
+        for name, flags in judged.items():
+            columns[name] = pl.Series(flags).set(pl.Series(~known), None)
+        columns |= {name: getattr(self, name) for name in FRAMED}
+        columns |= {f"estimate_sd_{axis}": self.sd_m[:, k] for k, axis in enumerate(PLANE)}
+        columns["events"] = pl.Series([list(events) for events in self.events], dtype=pl.List(pl.String))
+        return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
+
+
+FRAMED = (
+    "is_converged",
+    "confidence",
+    "converged",
+    "mass",
+    "spread_m",
+    "heading_sd_rad",
+    "effective_sample_size",
+    "ess_share",
+    "log_evidence",
+    "calibrated_evidence",
+    "weighted",
+    "particles",
+    "parents",
+    "fresh",
+    "odometry_m",
+    "kidnapped",
+)  # columns that a frame has by their own names
+
+# Axes and types of the columns; of the others: one float.
+SIZES = {"truths": (3,), "odometry": (3,), "poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}
+KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {"kidnapped": "bool"}
+OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "kidnapped")
+OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events")
+OF_A_RUN = tuple(column.name for column in fields(RunTable) if column.name not in OTHERS)
+FIRST_ROOM = 64  # updates; doubled as often as it takes
+
+
+@dataclass(slots=True)
+class TableRows:
+    """The rows of R runs on one drive, while they are made: an update, then what each run made of it."""
+
+    runs: int = 1
+    start: F64 | None = None  # (3,) where odometry alone begins, where no truth is known there
+    particles: int = 0  # of a run, where nothing changes it
+    radii: Radii = USUAL  # of the last update
+    updates: int = 0
+    _columns: dict[str, NDArray[Any]] = field(default_factory=dict)  # (room, ...), of a run (room, R, ...)
+    _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
+
+    def add(self, moment: Moment, record: StepRecord) -> None:
+        """Keep the next update of a single run."""
+        self.begin(moment)
+        self.put(0, record)
+
+    def begin(self, moment: Moment) -> None:
+        """Make room for an update."""
+        self._make_room()
+        frame, row = moment.frame, self.updates
+        drive = {
+            "steps": frame.step,
+            "times_s": frame.time_s,
+            "truths": UNKNOWN_POSE if moment.truth is None else moment.truth,
+            "odometry_m": length_of(frame.motions),
+            "odometry": self._reckoned(frame.motions, moment.truth),
+            "kidnapped": moment.kidnapped,
+        }
+        for name, value in drive.items():
+            self._columns[name][row] = value
+        self._events.append([()] * self.runs)
+        self.updates += 1
+
+    def _make_room(self) -> None:
+        """Double the room where it is full."""
+        room = len(self._columns["steps"]) if self._columns else 0
+        if self.updates < room:
+            return
+        for name in (*OF_THE_DRIVE, *OF_A_RUN):
+            runs = () if name in OF_THE_DRIVE else (self.runs,)
+            shape = (max(room, FIRST_ROOM), *runs, *SIZES.get(name, ()))
+            more = np.zeros(shape, KINDS.get(name, "float64"))
+            self._columns[name] = np.concatenate([self._columns[name], more]) if room else more
+
+    def _reckoned(self, motions: F64, truth: F64 | None) -> F64:
+        """Add up the odometry, uncorrected, from the first true pose, or from the start."""
+        if not self.updates and truth is not None:
+            return truth
+        start = UNKNOWN_POSE if self.start is None else self.start
+        pose: F64 = self._columns["odometry"][self.updates - 1] if self.updates else start
+        for motion in motions:
+            pose = compose(pose, motion)
+        return pose
+
+    def put(self, run: int, record: StepRecord) -> None:
+        """Keep the numbers of a record."""
+        scored, mean, parents = record.estimate, record.mean_estimate, record.parents
+        self.radii = scored.radii
+        own = record.belief.size if parents is None else len(np.unique(parents[parents >= 0]))
+        values = {
+            "poses": scored.pose,
+            "sd_m": scored.sd_m,
+            "heading_sd_rad": scored.heading_sd_rad,
+            "mass": scored.mass,
+            "confidence": scored.confidence,
+            "converged": scored.converged,
+            "circle": share_within(record.weighted, scored.pose, CIRCLE_M),
+            "mean_poses": mean.pose,
+            "mean_sd_m": mean.sd_m,
+            "effective_sample_size": record.effective_sample_size,
+            "log_evidence": record.log_evidence,
+            "calibrated_evidence": record.calibrated_evidence,
+            "weighted": record.weighted.size,
+            "particles": record.belief.size,
+            "parents": own,
+            "fresh": 0 if record.injected is None else int(record.injected.sum()),
+        }
+        for name, value in values.items():
+            self._columns[name][self.updates - 1, run] = value
+        self._events[-1][run] = record.events
+
+    def put_some(self, runs: NDArray[np.intp], columns: dict[str, NDArray[Any]]) -> None:
+        """Keep the numbers of some runs in which nothing out of the ordinary happened."""
+        row, events = self.updates - 1, self._events[-1]
+        for name in ("weighted", "particles"):
+            self._columns[name][row, runs] = self.particles
+        for name in columns.keys() & self._columns.keys():
+            self._columns[name][row, runs] = columns[name]
+        for run, resampled in zip(runs.tolist(), columns["resampled"].tolist(), strict=True):
+            events[run] = (RESAMPLED,) if resampled else ()
+
+    def table(self, seed: int = 0) -> RunTable:
+        """Return the only run so far."""
+        return self.tables([seed])[0]
+
+    def tables(self, seeds: Sequence[int]) -> tuple[RunTable, ...]:
+        """Return the runs so far, one by one."""
+        self._make_room()  # an empty table has columns, too
+        made = {name: column[: self.updates] for name, column in self._columns.items()}
+        drive = {name: made[name].copy() for name in OF_THE_DRIVE}
+        columns = {name: np.swapaxes(made[name], 0, 1).copy() for name in OF_A_RUN}
+        return tuple(
+            RunTable(
+                seed=seed,
+                radii=self.radii,
+                events=tuple(events[run] for events in self._events),
+                **drive,
+                **{name: column[run] for name, column in columns.items()},
+            )
+            for run, seed in enumerate(seeds)
+        )
+
+
+def length_of(motions: F64) -> float:
+    """Return how far movements (M, 3) drive."""
+    return float(np.hypot(motions[:, 0], motions[:, 1]).sum())
+
+
+def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
+    """Return what `run` yields as a table, one row an update; the clouds are not kept.
+
+    >>> import maurice_mcl as mcl
+    >>> made = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> made.updates, bool(made.is_localized[-1])
+    (6, True)
+    """
+    rows = TableRows()
+    for moment, record in steps:
+        rows.add(moment, record)
+    return rows.table()
