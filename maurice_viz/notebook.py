@@ -25,7 +25,7 @@ from .app.snapshot import draw_saved
 from .entities import STEP
 from .errors import SILENT, Listener
 from .running.output import OutputOptions, decisive_step_of, verdict_of
-from .running.saved_steps import NUMBER_NAMES, POSE_NAMES, Collected, Pictures, Restored, collect
+from .running.saved_steps import Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.summary import to_json
 
@@ -37,7 +37,6 @@ ASSETS_VARIABLE = "RERUN_NOTEBOOK_ASSET"
 SERVED_HERE = "serve-local"  # Rerun's default is a web site of its own
 WIDTH: Side = "auto"
 HEIGHT: Side = 760
-POSE_AXES = ("x_m", "y_m", "heading_rad")
 
 
 def show(
@@ -166,8 +165,4 @@ def _flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _traces(run: SavedRun) -> pl.DataFrame:
     (track,) = _collected(run).tracks
-    columns = {name: track.column(name) for name in NUMBER_NAMES}
-    for pose in POSE_NAMES:
-        columns |= {f"{pose}_{axis}": track.path(pose)[:, k] for k, axis in enumerate(POSE_AXES)}
-    frame = pl.DataFrame(columns).fill_nan(None).with_columns(pl.col("step").cast(pl.Int32))
-    return frame.select(pl.lit(run.manifest.label).alias("label"), pl.all())
+    return track.table.frame().select(pl.lit(run.manifest.label).alias("label"), pl.all())

@@ -145,8 +145,9 @@ class ResultCollector:
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self.no_number[label] += NO_NUMBER in record.events
-            self._rows[label].add(moment, record)
-            self._verdicts[label].add(moment, record)
+            verdict = self._verdicts[label]
+            verdict.add(moment, record)
+            self._rows[label].add(moment, record, verdict.signal.knows, verdict.state)
             reckoning = self._reckonings[label]
             if reckoning is not None:
                 reckoning.add(moment, record)
@@ -165,6 +166,10 @@ class ResultCollector:
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""
         return self._rivals.explain({label: self._verdict(label) for label in self._verdicts})
+
+    def table(self, label: str) -> RunTable:
+        """Return a run as a table, up to now."""
+        return self._rows[label].table()
 
     def _verdict(self, label: str) -> RunVerdict:
         reckoning = self._reckonings[label]

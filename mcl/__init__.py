@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from .examples import tiny_session as tiny_session
     from .filter.localizer import Localizer as Localizer
     from .filter.localizer import run as run
+    from .scoring.episodes import table as table
     from .scoring.metrics import RunScore as RunScore
     from .scoring.metrics import score as score
     from .scoring.table import RunTable as RunTable
-    from .scoring.table import table as table
     from .values.library import Library as Library
     from .values.pose_sensor import PoseProposal as PoseProposal
     from .values.pose_sensor import PoseSensor as PoseSensor

@@ -90,8 +90,7 @@ class DrawnLanes:
 
     def _states(self, track: Track, failures: Sequence[Failure]) -> Iterator[State]:
         """Yield the stretches of a run; those in which it was lost with the cause, where that is known."""
-        steps = track.column("step")
-        rows = zip(steps.astype(int).tolist(), track.states, strict=True)
+        rows = zip(track.table.steps.tolist(), track.table.states, strict=True)
         for (state, cause), stretch in groupby(rows, lambda row: (row[1], _cause(row[0], row[1], failures))):
             numbers = [step for step, _ in stretch]
             look = look_of_state(state if cause is None else LOST, cause)
@@ -99,7 +98,7 @@ class DrawnLanes:
             yield State(first, last - first, look.word, look.color, steps_text(numbers[0], numbers[-1]))
 
     def _across(self, step: float) -> float:
-        steps = self.collected.tracks[0].column("step")
+        steps = self.collected.tracks[0].table.steps
         first, last = float(steps[0]) - 0.5, float(steps[-1]) + 0.5
         return LEFT + (step - first) / (last - first) * (WIDTH - LEFT - RIGHT)
 

@@ -146,14 +146,14 @@ def _charts(
     knows = f"That the estimate is right, by how well {fits}; needs no truth."
     explained = f"How well the cloud explained each {'scan' if by_laser else 'picture'}; higher is better."
     kinds = (
-        (Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m),
+        (Chart("Position error", unit, "From estimate to truth."), "error_m", per_m),
         (Chart("Heading error", "deg", "Between estimate and truth."), "heading_error_rad", per_rad),
         (Chart("Spread", unit, "Standard deviation of the complete cloud."), "spread_m", per_m),
         (Chart("Confidence", "share", near, top=1.0), "confidence", 1.0),
-        (Chart("Knows where it is", "probability", knows, top=1.0), "knows_where_it_is", 1.0),
+        (Chart("Knows where it is", "probability", knows, top=1.0), "knows", 1.0),
         (
             Chart("Effective sample size", "share", "Of all particles.", top=1.0, is_told=False),
-            "effective_share",
+            "ess_share",
             1.0,
         ),
         (Chart("Evidence", "nats", explained, from_zero=False, is_told=False), "calibrated_evidence", 1.0),
@@ -162,9 +162,9 @@ def _charts(
     for chart, column, factor in kinds:
         lines = []
         for run, track in enumerate(collected.tracks):
-            values = track.column(column) * factor
+            values = getattr(track.table, column) * factor
             values[~np.isfinite(values)] = np.nan
-            lines.append(ChartLine(track.label, run, track.column("step"), values))
+            lines.append(ChartLine(track.label, run, track.table.steps.astype(float), values))
         if all(np.isnan(line.y).all() for line in lines):
             unknown.append(chart.title.lower())
         else:
@@ -200,15 +200,15 @@ def _event_rows(
 
 def _picture(picture: PicturedStep, shot: Shot, collected: Collected, scale: Scale) -> Mapping[str, Any]:
     """Return what the template shows of a step: numbers, camera image, for each run a map with text."""
-    row = int(np.flatnonzero(collected.tracks[0].column("step") == picture.step)[0])
+    row = int(np.flatnonzero(collected.tracks[0].table.steps == picture.step)[0])
     maps = []
     for track in collected.tracks:
-        error = float(track.column("position_error_m")[row])
+        error = float(track.table.error_m[row])
         off = f", error {scale.say(error)}" if np.isfinite(error) else ""
-        pose = scale.say_pose(track.path("estimate")[row])
-        text = f"{track.label}: estimate {pose}{off}, confidence {track.column('confidence')[row]:.0%}"
+        pose = scale.say_pose(track.table.poses[row])
+        text = f"{track.label}: estimate {pose}{off}, confidence {track.table.confidence[row]:.0%}"
         maps.append((shot.maps[track.label], text))
-    time_s = float(collected.tracks[0].column("time_s")[row])
+    time_s = float(collected.tracks[0].table.times_s[row])
     return {"number": picture.number, "step": picture.step, "reasons": picture.reasons, "time_s": time_s,
             "camera": shot.camera, "maps": maps}  # fmt: skip
 
@@ -219,7 +219,7 @@ def _picture(picture: PicturedStep, shot: Shot, collected: Collected, scale: Sca
 def _session_facts(
     info: SessionInfo, run: SavedRun, collected: Collected, scale: Scale, by_laser: bool
 ) -> Facts:
-    manifest, track = run.manifest, collected.tracks[0]
+    manifest, table = run.manifest, collected.tracks[0].table
     yield "session", manifest.name
     yield "log", _place(manifest.session)
     yield "SHA-256 of the log", _digest(manifest.session.sha256)
@@ -228,9 +228,9 @@ def _session_facts(
     yield what, f"{manifest.pictures} ({collected.steps} in this report)"
     if collected.picture_size is not None and what == "pictures":
         yield "picture size", "{} x {} px".format(*collected.picture_size)
-    yield "duration", f"{track.column('time_s')[-1]:.0f} s to the last step"
-    yield "distance by odometry", scale.say(float(np.nansum(track.column("odometry_m"))))
-    known = np.isfinite(track.column("position_error_m")).sum()
+    yield "duration", f"{table.times_s[-1]:.0f} s to the last step"
+    yield "distance by odometry", scale.say(float(np.nansum(table.odometry_m)))
+    known = table.known.sum()
     yield "truth", f"known at {known} of {collected.steps} steps" if known else "not known"
 
 

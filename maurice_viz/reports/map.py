@@ -129,17 +129,17 @@ class DrawnMap(DrawnFloor):
         first, single = self.tracks[0], len(self.tracks) == 1
         odometry = "odometry alone, uncorrected, up to the map's edge"
         paths = [
-            MapPath("odometry", odometry, first.path("odometry"), "1.5 4", has_ends=False),
-            MapPath("truth", "truth", first.path("truth")),
+            MapPath("odometry", odometry, first.table.odometry, "1.5 4", has_ends=False),
+            MapPath("truth", "truth", first.table.truths),
         ]
         for run, track in enumerate(self.tracks):
             kind, text = ("estimate", "estimate") if single else (f"run{run}", track.label)
-            paths.append(MapPath(kind, text, track.path("estimate"), DASHES[run % len(DASHES)]))
+            paths.append(MapPath(kind, text, track.table.poses, DASHES[run % len(DASHES)]))
         return [path for path in paths if np.isfinite(path.poses).any()]
 
     def parts(self, path: MapPath) -> Iterator[str]:
         """Yield the points of each unbroken part of a path."""
-        for part in unbroken(path.poses[:, :2], self.tracks[0].column("odometry_m"), self.jump_m):
+        for part in unbroken(path.poses[:, :2], self.tracks[0].table.odometry_m, self.jump_m):
             if len(part) > 1:
                 yield self.axes.points(thin_path(part))
 
@@ -151,9 +151,9 @@ class DrawnMap(DrawnFloor):
     @property
     def badges(self) -> Iterator[tuple[float, float, float, float, int]]:
         """The robot (or its estimate) at each numbered event, a free place beside it, and the number."""
-        truth, estimate = self.tracks[0].path("truth"), self.tracks[0].path("estimate")
+        truth, estimate = self.tracks[0].table.truths, self.tracks[0].table.poses
         places = self.axes.at(np.where(np.isfinite(truth), truth, estimate)[:, :2])
-        rows = {int(step): row for row, step in enumerate(self.tracks[0].column("step"))}
+        rows = {int(step): row for row, step in enumerate(self.tracks[0].table.steps)}
         taken: list[tuple[float, float]] = []
         for step, number in self.numbered:
             x, y = places[rows[step]].tolist()
@@ -211,12 +211,12 @@ def linked(
     Poses are x, y and heading in display units and degrees, null where not known. A chart has a list of
     values for each run.
     """
-    steps = collected.tracks[0].column("step").astype(int).tolist()
+    steps = collected.tracks[0].table.steps.tolist()
     paths = [path for path in drawn_map.paths if path.kind != "odometry"]
     return {
         "first": steps.index(step) if step in steps else 0,
         "steps": steps,
-        "times": np.round(collected.tracks[0].column("time_s"), 1).tolist(),
+        "times": np.round(collected.tracks[0].table.times_s, 1).tolist(),
         "unit": scale.units.name,
         "digits": scale.units.digits,
         "map": _axes(drawn_map.axes, scale.units.per_m),

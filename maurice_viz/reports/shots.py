@@ -79,7 +79,7 @@ def steps_by_kind(events: Sequence[ReportedEvent]) -> dict[str, list[int]]:
 def choose(collected: Collected, events: Sequence[ReportedEvent]) -> list[PicturedStep]:
     """Choose the steps that get a picture, by `RULE`, in order of steps."""
     notable = [item for item in events if not item.event.is_routine]
-    worst, last = worst_step(collected), int(collected.tracks[0].rows[-1][0])
+    worst, last = worst_step(collected), int(collected.tracks[0].table.steps[-1])
     picked: dict[int, list[str]] = {worst: [], last: []}
     for step in _in_rounds(notable):
         if len(picked) >= MAX_PICTURES:
@@ -88,7 +88,7 @@ def choose(collected: Collected, events: Sequence[ReportedEvent]) -> list[Pictur
     for item in notable:
         if item.event.step in picked:
             picked[item.event.step].append(item.reason(len(collected.tracks)))
-    has_truth = np.isfinite(np.concatenate([t.column("position_error_m") for t in collected.tracks])).any()
+    has_truth = any(track.table.known.any() for track in collected.tracks)
     picked[worst].append("largest position error" if has_truth else "widest cloud")
     picked[last].append("last step")
     return [PicturedStep(k, step, tuple(picked[step])) for k, step in enumerate(sorted(picked), start=1)]
@@ -103,11 +103,14 @@ def _in_rounds(notable: Sequence[ReportedEvent]) -> list[int]:
 
 def worst_step(collected: Collected) -> int:
     """Return the step with the largest position error of any run; without truth that of the widest cloud."""
-    for name in ("position_error_m", "spread_m"):
-        values = np.stack([track.column(name) for track in collected.tracks])
+    tables = [track.table for track in collected.tracks]
+    for values in (
+        np.stack([table.error_m for table in tables]),
+        np.stack([table.spread_m for table in tables]),
+    ):
         if np.isfinite(values).any():
-            return int(collected.tracks[0].column("step")[np.nanmax(values, axis=0, initial=-1.0).argmax()])
-    return int(collected.tracks[0].rows[0][0])
+            return int(tables[0].steps[np.nanmax(values, axis=0, initial=-1.0).argmax()])
+    return int(tables[0].steps[0])
 
 
 def step_ranges(steps: Sequence[int]) -> str:

@@ -11,12 +11,10 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.reasons.explanation import PoseOffset, offset
 from maurice_mcl.scoring.events import EventDetector, RunEvent
-from maurice_mcl.scoring.lost_signal import LostSignal
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord
@@ -123,77 +121,13 @@ def without_heirs(belief: Belief) -> Belief:
     return Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
 
 
-NUMBER_NAMES = (
-    "step",
-    "time_s",
-    "position_error_m",
-    "heading_error_rad",
-    "spread_m",
-    "confidence",
-    "effective_share",
-    "effective_sample_size",
-    "calibrated_evidence",
-    "log_evidence",
-    "odometry_m",
-    "knows_where_it_is",
-)
-POSE_NAMES = ("estimate", "truth", "odometry")
-UNKNOWN_POSE: F64 = np.full(3, np.nan)
-
-
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """One run, step by step; what is not known is NaN."""
+    """One run of a report: its table, and the events that are worth a look."""
 
     label: str
-    rows: list[tuple[float, ...]] = field(default_factory=list)  # NUMBERS
-    poses: list[F64] = field(default_factory=list)  # (3, 3): POSES, each x_m, y_m, heading_rad
-    events: list[RunEvent] = field(default_factory=list)
-    states: list[str] = field(default_factory=list)  # of the belief: keys of STATES
-    _signal: LostSignal = field(default_factory=LostSignal)
-    _odometry: F64 | None = None
-
-    def add(self, moment: Moment, record: StepRecord, start: F64 | None) -> None:
-        """Take in the next update; `start` (3,) is where the run began, where that is known."""
-        truth = moment.truth
-        off = PoseOffset(np.nan, np.nan) if truth is None else offset(record.estimate.pose, truth)
-        share = record.effective_sample_size / record.weighted.size
-        motions, lost_signal = record.frame.motions, self._signal.add(record)
-        values = (
-            float(moment.frame.step),
-            moment.frame.time_s,
-            off.apart_m,
-            off.turned_rad,
-            float(np.hypot(*record.mean_estimate.sd_m)),
-            record.estimate.confidence,
-            share,
-            record.effective_sample_size,
-            record.calibrated_evidence,
-            record.log_evidence,
-            float(np.hypot(motions[:, 0], motions[:, 1]).sum()),
-            np.nan if lost_signal is None else lost_signal,
-        )
-        self._odometry = self._reckoned(motions, truth, start)
-        poses = [UNKNOWN_POSE if pose is None else pose for pose in (truth, self._odometry)]
-        self.rows.append(values)
-        self.poses.append(np.stack([record.estimate.pose, *poses]))
-
-    def _reckoned(self, motions: F64, truth: F64 | None, start: F64 | None) -> F64 | None:
-        """Add up the odometry, uncorrected, from the first true pose, or from the start."""
-        if not self.rows and truth is not None:
-            return truth
-        pose = start if not self.rows else self._odometry
-        for motion in motions:
-            pose = None if pose is None else compose(pose, motion)
-        return pose
-
-    def column(self, name: str) -> F64:
-        """Give one of NUMBERS for all steps (S,)."""
-        return np.array([row[NUMBER_NAMES.index(name)] for row in self.rows], np.float64)
-
-    def path(self, name: str) -> F64:
-        """Give one of POSES for all steps (S, 3)."""
-        return np.array([poses[POSE_NAMES.index(name)] for poses in self.poses], np.float64).reshape(-1, 3)
+    table: RunTable
+    events: Sequence[RunEvent] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +141,7 @@ class Collected:
     @property
     def steps(self) -> int:
         """How many updates there are."""
-        return len(self.tracks[0].rows)
+        return self.tracks[0].table.updates
 
 
 def collect(
@@ -219,7 +153,7 @@ def collect(
 ) -> Collected:
     """Go through all updates of saved runs once."""
     runs_by_label = {run.saved.manifest.label: run for run in runs}
-    tracks = {label: Track(label) for label in runs_by_label}
+    events = {label: list[RunEvent]() for label in runs_by_label}
     detectors = {label: EventDetector(scale.say) for label in runs_by_label}
     localizers = {label: run.localizer for label, run in runs_by_label.items()}
     starts = {label: run.start for label, run in runs_by_label.items()}
@@ -229,15 +163,15 @@ def collect(
         paired = scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
-            tracks[label].add(moment, record, runs_by_label[label].start)
-            tracks[label].events.extend(detectors[label].see(moment, record))
-            tracks[label].states.append(detectors[label].state)
+            events[label].extend(detectors[label].see(moment, record))
         for label, step in paired.items():
-            tracks[label].events.extend([] if step.event is None else [step.event])
+            events[label].extend([] if step.event is None else [step.event])
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
     results = scores.results()
+    tracks = []
     for run in results:
-        track = tracks[run.label]
-        times_s = {int(row[0]): row[1] for row in track.rows}  # the first two of NUMBERS
-        track.events = with_failures(track.events, run.verdict.failures, times_s, scale)
-    return Collected(list(tracks.values()), results, size)
+        table = scores.table(run.label)
+        times_s = dict(zip(table.steps.tolist(), table.times_s.tolist(), strict=True))
+        told = with_failures(events[run.label], run.verdict.failures, times_s, scale)
+        tracks.append(Track(run.label, table, told))
+    return Collected(tracks, results, size)

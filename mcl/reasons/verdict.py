@@ -349,6 +349,11 @@ class VerdictBuilder:
         return self._diagnosis.episodes.signal
 
     @property
+    def state(self) -> str:
+        """The localization status at the last update: a key of `episodes.STATES`."""
+        return self._diagnosis.episodes.state
+
+    @property
     def now(self) -> Standing | None:
         """How the run stands at the last update; costs nothing, other than a verdict."""
         return self._standing.standing

@@ -16,6 +16,7 @@ from ..values import Moment, StepRecord
 from .lost_signal import LostSignal
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .modes import has_near
+from .table import RunTable, TableRows
 
 KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
 LOCALIZED, WRONG, CONVERGED, SPREAD = "localized", "wrong and confident", "converged", "spread"
@@ -285,6 +286,21 @@ class EpisodeFinder:
     def is_lost(self) -> bool:
         """Whether the run is lost at the last update: too far off at four in a row, and still so."""
         return self._off >= LOST_FOR and self._open and self.episodes[-1].kind != SEARCHING
+
+
+def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
+    """Return what `run` yields as a table, one row an update; the clouds are not kept.
+
+    >>> import maurice_mcl as mcl
+    >>> made = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> made.updates, bool(made.is_localized[-1]), made.states[-1]
+    (6, True, 'localized')
+    """
+    rows, finder = TableRows(), EpisodeFinder()
+    for moment, record in steps:
+        finder.add(moment, record)
+        rows.add(moment, record, finder.signal.knows, finder.state)
+    return rows.table()
 
 
 def _is_localized(window: tuple[_Update, ...]) -> bool:

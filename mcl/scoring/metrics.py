@@ -15,7 +15,7 @@ from ..values.geometry import INCH_M, angle_between, motion_between
 from ..values.map import Arena
 from ..values.records import Estimate, StepRecord
 from ..values.session import Moment
-from .table import CONVERGED_SHARE, LOST_RAD, RIGHT_RAD, RunTable, table
+from .table import CONVERGED_SHARE, LOST_RAD, RIGHT_RAD, RunTable, TableRows
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
 LOST_FOR = 4  # updates in a row
@@ -202,7 +202,10 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
         >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
         False
     """
-    return score_table(table(steps), None if arena is None else arena.size_m)
+    rows = TableRows()
+    for moment, record in steps:
+        rows.add(moment, record)
+    return score_table(rows.table(), None if arena is None else arena.size_m)
 
 
 SUCCESS_SHARE = 0.9  # share of the weight about one point

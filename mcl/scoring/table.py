@@ -5,7 +5,7 @@ Scores, episodes, traces, reports and trials are functions of it. A cloud is not
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +61,9 @@ class RunTable:
     particles: I32  # (U,) how many there are after the update
     parents: I32  # (U,) how many different particles these are copies of
     fresh: I32  # (U,) how many of them recovery drew
+    knows: F64  # (U,) probability that it knows where it is, without truth (`lost_signal`)
     events: tuple[tuple[str, ...], ...]  # (U,) as in `StepRecord.events`
+    states: tuple[str, ...]  # (U,) keys of `episodes.STATES`; "": not followed
 
     @property
     def updates(self) -> int:
@@ -161,6 +163,7 @@ class RunTable:
             columns[name] = pl.Series(flags).set(pl.Series(~known), None)
         columns |= {name: getattr(self, name) for name in FRAMED}
         columns |= {f"estimate_sd_{axis}": self.sd_m[:, k] for k, axis in enumerate(PLANE)}
+        columns["state"] = pl.Series([state or None for state in self.states], dtype=pl.String)
         columns["events"] = pl.Series([list(events) for events in self.events], dtype=pl.List(pl.String))
         return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
 
@@ -174,6 +177,7 @@ FRAMED = (
     "heading_sd_rad",
     "effective_sample_size",
     "ess_share",
+    "knows",
     "log_evidence",
     "calibrated_evidence",
     "weighted",
@@ -188,7 +192,7 @@ FRAMED = (
 SIZES = {"truths": (3,), "odometry": (3,), "poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}
 KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {"kidnapped": "bool"}
 OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "kidnapped")
-OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events")
+OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events", "states")
 OF_A_RUN = tuple(column.name for column in fields(RunTable) if column.name not in OTHERS)
 FIRST_ROOM = 64  # updates; doubled as often as it takes
 
@@ -204,11 +208,14 @@ class TableRows:
     updates: int = 0
     _columns: dict[str, NDArray[Any]] = field(default_factory=dict)  # (room, ...), of a run (room, R, ...)
     _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
+    _states: list[str] = field(default_factory=list)  # (U,) of a single run
 
-    def add(self, moment: Moment, record: StepRecord) -> None:
-        """Keep the next update of a single run."""
+    def add(self, moment: Moment, record: StepRecord, knows: float | None = None, state: str = "") -> None:
+        """Keep the next update of a single run, with what `episodes` and `lost_signal` say of it."""
         self.begin(moment)
         self.put(0, record)
+        self._columns["knows"][self.updates - 1] = np.nan if knows is None else knows
+        self._states[-1] = state
 
     def begin(self, moment: Moment) -> None:
         """Make room for an update."""
@@ -224,7 +231,9 @@ class TableRows:
         }
         for name, value in drive.items():
             self._columns[name][row] = value
+        self._columns["knows"][row] = np.nan
         self._events.append([()] * self.runs)
+        self._states.append("")
         self.updates += 1
 
     def _make_room(self) -> None:
@@ -253,7 +262,7 @@ class TableRows:
         scored, mean, parents = record.estimate, record.mean_estimate, record.parents
         self.radii = scored.radii
         own = record.belief.size if parents is None else len(np.unique(parents[parents >= 0]))
-        values = {
+        values: dict[str, Any] = {
             "poses": scored.pose,
             "sd_m": scored.sd_m,
             "heading_sd_rad": scored.heading_sd_rad,
@@ -300,6 +309,7 @@ class TableRows:
                 seed=seed,
                 radii=self.radii,
                 events=tuple(events[run] for events in self._events),
+                states=tuple(self._states),
                 **drive,
                 **{name: column[run] for name, column in columns.items()},
             )
@@ -310,17 +320,3 @@ class TableRows:
 def length_of(motions: F64) -> float:
     """Return how far movements (M, 3) drive."""
     return float(np.hypot(motions[:, 0], motions[:, 1]).sum())
-
-
-def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
-    """Return what `run` yields as a table, one row an update; the clouds are not kept.
-
-    >>> import maurice_mcl as mcl
-    >>> made = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
-    >>> made.updates, bool(made.is_localized[-1])
-    (6, True)
-    """
-    rows = TableRows()
-    for moment, record in steps:
-        rows.add(moment, record)
-    return rows.table()

@@ -88,10 +88,10 @@ def test_traces_are_those_of_the_run(small_session):
     for name in ("estimate_x_m", "truth_heading_rad", "calibrated_evidence", "effective_sample_size"):
         assert frame[name].to_list() == steps[name].to_list()
     off = np.hypot(frame["estimate_x_m"] - frame["truth_x_m"], frame["estimate_y_m"] - frame["truth_y_m"])
-    assert np.allclose(frame["position_error_m"], off)
+    assert np.allclose(frame["error_m"], off)
     # the odometry of this drive is exact, so that added up it is the truth
     assert np.allclose(frame["odometry_x_m"], frame["truth_x_m"])
-    assert (frame["effective_share"] * 150 - frame["effective_sample_size"]).abs().max() < 1e-9
+    assert (frame["ess_share"] * 150 - frame["effective_sample_size"]).abs().max() < 1e-9
 
 
 def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
@@ -99,7 +99,7 @@ def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
     small_session.write_text("\n".join(lines) + "\n")
     maurice(small_session, "--particles", "50", "--save-run", "kept", "-o", "none")
     frame = mv.traces("kept")
-    assert frame["position_error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
+    assert frame["error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
     assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"pip install 'maurice-replay\[notebook\]'"):

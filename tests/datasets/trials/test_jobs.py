@@ -82,10 +82,10 @@ def test_a_run_that_fails_is_not_the_end_of_its_batch(job: Job, monkeypatch: pyt
     undisturbed = untimed(run_job(job))
     advance, step = SteppedRuns.advance, Localizer.step
 
-    def fails_together(self: SteppedRuns, frame: Frame, *words: Any) -> None:
-        if frame.step == 5 and len(self.seeds) > 1:
+    def fails_together(self: SteppedRuns, moment: Moment, *words: Any) -> None:
+        if moment.frame.step == 5 and len(self.seeds) > 1:
             raise ValueError("one of them")
-        advance(self, frame, *words)
+        advance(self, moment, *words)
 
     def fails_alone(self: Localizer, state: Any, frame: Frame, *words: Any) -> Any:
         if (frame.step, self.seed) == (5, 1):
@@ -96,7 +96,7 @@ def test_a_run_that_fails_is_not_the_end_of_its_batch(job: Job, monkeypatch: pyt
     monkeypatch.setattr(Localizer, "step", fails_alone)
     for row, before in zip(untimed(run_job(job)), undisturbed, strict=True):
         if row["seed"] == 1:
-            where = r"ValueError in maurice_mcl\.filter\.batch, line \d+: this one"
+            where = r"ValueError in maurice_mcl\.scoring\.batch, line \d+: this one"
             assert re.fullmatch(where, row["error"])
         else:
             assert row == before

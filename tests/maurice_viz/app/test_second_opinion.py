@@ -26,5 +26,5 @@ def test_a_saved_run_keeps_it(small_session, tmp_path):
     mv.replay(small_session, save_run=folder)
     kept = pl.read_parquet(folder / "steps" / "*.parquet")
     assert kept["not_lost"].is_between(0, 1).all()
-    assert mv.traces(folder)["knows_where_it_is"].to_list() == kept["not_lost"].to_list()
+    assert mv.traces(folder)["knows"].to_list() == kept["not_lost"].to_list()
     assert mv.verify(folder)[0].same

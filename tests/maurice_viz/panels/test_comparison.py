@@ -20,8 +20,9 @@ from helpers import viz_recordings as read
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step, StepComparison
-from maurice_mcl.scoring.metrics import LOST_RAD, Scorer
+from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.scoring.modes import picture_gain
+from maurice_mcl.scoring.table import LOST_RAD, TableRows
 from maurice_mcl.values import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
@@ -321,7 +322,11 @@ def test_the_end_says_how_runs_compare_and_how_sure_that_is(usual):
     assert "No averages, as `c` was not localized from step 1" in result  # a cloud that knows nothing
     apart = ErrorDifference(-0.1, (-0.2, 0.01), 3, 40, 30, 10)
     many = RunResult(
-        "b", Scorer().result(), None, against="a", paired=ComparisonResult(apart, None, 0.1, 0.2, None)
+        "b",
+        score_table(TableRows().table()),
+        None,
+        against="a",
+        paired=ComparisonResult(apart, None, 0.1, 0.2, None),
     )
     text = drive_words([many, many], scale_for("in", fakes.arena(5, 4)))
     assert "against `b`" in text

@@ -7,13 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers.step_records import at, made, moment
 from maurice_mcl.scoring.events import KINDS, RunEvent
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values.library import USUAL
 from maurice_viz.reports.charts import MAX_POINTS, px, templates, thin_chart, ticks
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 from maurice_viz.reports.shots import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
-from maurice_viz.running.saved_steps import NUMBER_NAMES, UNKNOWN_POSE, Collected, Track
+from maurice_viz.running.saved_steps import Collected, Track
 
 LOST_M = USUAL.lost_m
 
@@ -75,12 +77,12 @@ def test_paths_are_broken_at_jumps_and_keep_their_ends():
 
 
 def track(label: str, errors: list[float], events: list[RunEvent] | None = None) -> Track:
-    made = Track(label, events=events or [])
-    for step, error in enumerate(errors, start=1):
-        row = dict.fromkeys(NUMBER_NAMES, 0.5) | {"step": float(step), "position_error_m": error}
-        made.rows.append(tuple(row[name] for name in NUMBER_NAMES))
-        made.poses.append(np.stack([np.zeros(3), UNKNOWN_POSE, UNKNOWN_POSE]))
-    return made
+    rows = TableRows()
+    for step, error_m in enumerate(errors, start=1):
+        record = made(at(0.0, 0.0, 1.0), step=step)
+        truth = None if np.isnan(error_m) else (error_m, 0.0, 0.0)
+        rows.add(moment(record, truth), record)
+    return Track(label, rows.table(), events or ())
 
 
 def collected(*tracks: Track) -> Collected:

@@ -10,21 +10,22 @@ import pytest
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import ComparisonResult, difference_of
 from maurice_mcl.scoring.episodes import Episode
-from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.scoring.metrics import score_table
+from maurice_mcl.scoring.table import TableRows
 from maurice_viz.playback import RunResult
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.comparison import drive_words
 from maurice_viz.text.summary import paired_rows
 
 INCHES = Scale(UNITS["in"])
-FIRST = RunResult("a", Scorer().result(), None)
+FIRST = RunResult("a", score_table(TableRows().table()), None)
 LOST = RunVerdict(updates=80, episodes=(Episode("lost", 41, 80, 41, lost=44),))
 
 
 def against(values, **more):
     """Return the words and the first cell of the table for differences of errors (n,) in meters."""
     paired = ComparisonResult(difference_of(np.array(values)), None, 0.1, 0.2, None)
-    run = RunResult("b", Scorer().result(), None, against="a", paired=paired)
+    run = RunResult("b", score_table(TableRows().table()), None, against="a", paired=paired)
     first = replace(FIRST, **more)
     return drive_words([first, run], INCHES), paired_rows([first, run], UNITS["in"])[0][1][1]
 

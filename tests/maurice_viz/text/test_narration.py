@@ -17,7 +17,8 @@ from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.reasons.causes import Incident
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
-from maurice_mcl.scoring.metrics import Scorer, Success
+from maurice_mcl.scoring.metrics import Success, score_table
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.sensor.landmarks.camera import PinholeCamera
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
@@ -117,7 +118,7 @@ ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")
 
 
 def _result(*success):
-    return RunResult("one", replace(Scorer().result(), success=success), None)
+    return RunResult("one", replace(score_table(TableRows().table()), success=success), None)
 
 
 def _cells(result):

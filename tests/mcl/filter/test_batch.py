@@ -12,7 +12,7 @@ import maurice_mcl as mcl
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import LEFT_MAP, Localizer, run
 from maurice_mcl.scoring.batch import CIRCLE_M, compared_once, run_batch
-from maurice_mcl.scoring.metrics import DrivenPath, score_trace
+from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.values.library import Radii
 
 SETTINGS = {
@@ -137,9 +137,8 @@ def test_a_trace_is_scored_as_its_records(world, localizer_of):
     moments, arena = world.drive.all_moments, world.library.arena
     for trace in run_batch(localizer, moments, (1, 2, 3), world.start):
         steps = _alone(localizer, world, trace.seed, world.start)
-        path = DrivenPath.of(moments)
-        assert score_trace(trace, path, arena.size_m) == mcl.score(steps, arena)
-        assert score_trace(trace, path) == mcl.score(steps)
+        assert score_table(trace, arena.size_m) == mcl.score(steps, arena)
+        assert score_table(trace) == mcl.score(steps)
 
 
 def test_a_trace_is_scored_as_its_records_where_the_truth_is_not_always_known(world, localizer_of):
@@ -154,5 +153,4 @@ def test_a_trace_is_scored_as_its_records_where_the_truth_is_not_always_known(wo
             steps = [
                 (one, replace(record, frame=one.frame)) for one, record in zip(drive, records, strict=True)
             ]
-            path = DrivenPath.of(drive)
-            assert score_trace(trace, path, arena.size_m) == mcl.score(steps, arena)
+            assert score_table(trace, arena.size_m) == mcl.score(steps, arena)

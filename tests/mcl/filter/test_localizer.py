@@ -22,7 +22,7 @@ from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always
 from maurice_mcl.scoring.events import EventDetector
-from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.scoring.metrics import score
 from maurice_mcl.sensor.ahead import compared as compare_picture
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.values.geometry import wrap
@@ -312,10 +312,7 @@ def test_far_from_the_origin_the_errors_are_the_same(world_at):
     scores = []
     for world in (world_at(), world_at((float(at[0]), float(at[1])))):
         localizer = _localizer(world, particles=400, seed=2)
-        scorer = Scorer()
-        for moment, record in run(localizer, world.drive, world.start):
-            scorer.add(moment, record)
-        scores.append(scorer.result())
+        scores.append(score(run(localizer, world.drive, world.start)))
     assert scores[1].position_error_mean_m == pytest.approx(scores[0].position_error_mean_m, abs=0.002)
     assert scores[1].heading_error_mean_rad == pytest.approx(scores[0].heading_error_mean_rad, abs=0.002)
 

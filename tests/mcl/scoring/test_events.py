@@ -26,7 +26,8 @@ from maurice_mcl.scoring.events import (
     joined,
     say_recovery_test,
 )
-from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.scoring.metrics import score_table
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values.records import AVERAGES, LIBRARY, PICTURE, RecoveryTest
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
@@ -102,15 +103,15 @@ def test_recovery_comes_after_loss_or_kidnapping():
 @given(st.lists(st.sampled_from([0, 1, 2, 3]), min_size=1, max_size=24))
 def test_events_agree_with_the_table_of_figures(letters):
     """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""
-    clouds, scorer, detector = (HERE, FAR, SPREAD, HERE), Scorer(), EventDetector()
+    clouds, rows, detector = (HERE, FAR, SPREAD, HERE), TableRows(), EventDetector()
     found = list[RunEvent]()
     for step, letter in enumerate(letters, start=1):
         record = made(clouds[letter], step=step)
         here = moment(record, None if letter == 3 else TRUTH)
         found += detector.see(here, record)
-        scorer.add(here, record)
+        rows.add(here, record)
         assert detector.state in STATES
-    score = scorer.result()
+    score = score_table(rows.table())
     firsts = {kind: next((e for e in found if e.kind == kind), None) for kind in ("localized", "lost")}
     localized, lost = firsts["localized"], firsts["lost"]
     assert (None if lost is None else lost.step) == score.lost_at_update

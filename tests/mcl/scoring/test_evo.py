@@ -16,7 +16,8 @@ import pytest
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.scoring.metrics import FIRST_SCORED, Scorer, relative_error, score_step, segment_errors
+from maurice_mcl.scoring.metrics import FIRST_SCORED, relative_error, score_step, score_table, segment_errors
+from maurice_mcl.scoring.table import TableRows
 
 EVO = Path(sys.executable).parent
 SEGMENTS_M = (0.3, 1.1)
@@ -49,16 +50,16 @@ def scored(world_at, tmp_path_factory):
     folder = tmp_path_factory.mktemp("evo")
     world = world_at(updates=40)
     localizer = build_localizer(world.library, world.drive, of_feature("color", 300))
-    scorer, steps, times, estimates, truths = Scorer(), [], [], [], []
+    rows, steps, times, estimates, truths = TableRows(), [], [], [], []
     for moment, record in run(localizer, world.drive, None):
-        scorer.add(moment, record)
+        rows.add(moment, record)
         steps.append(score_step(record.estimate, moment.truth))
         times.append(moment.frame.time_s)
         estimates.append(record.estimate.pose)
         truths.append(moment.truth)
     _write_tum(folder / "estimate.tum", times, np.array(estimates))
     _write_tum(folder / "truth.tum", times, np.array(truths))
-    return folder, steps, scorer.result(), np.array(truths), np.array(estimates)
+    return folder, steps, score_table(rows.table()), np.array(truths), np.array(estimates)
 
 
 @pytest.mark.parametrize("relation", ["trans_part", "angle_deg"])

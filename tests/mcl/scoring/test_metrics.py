@@ -12,17 +12,16 @@ from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.scoring.metrics import (
     LEFT_TRUTH,
     TOO_LATE,
-    DrivenPath,
-    RunNumbers,
-    Scorer,
     first_mostly,
     first_run_of,
     mostly_at_end,
     relative_error,
     score_step,
+    score_table,
     segment_errors,
     successes,
 )
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.records import Belief, Estimate, uniform_log_weights
 
@@ -37,19 +36,23 @@ def _truth(off_in=0.0, off_deg=0.0, x=0.0, y=0.0):
     return np.array([x + off_in * INCH_M, y, np.deg2rad(off_deg)])
 
 
-def _add(scorer, estimate, truth, motions=STILL, step=0):
+DOT = Belief(np.zeros((1, 3), np.float32), uniform_log_weights(1), np.zeros(2))
+REST = {"parents": None, "injected": None, "events": ()}  # of a record
+REST |= dict.fromkeys(("effective_sample_size", "log_evidence", "calibrated_evidence"), 0.0)
+
+
+def _add(rows, estimate, truth, motions=STILL, step=0):
     """Add an update without a cloud."""
     frame = SimpleNamespace(step=step, time_s=float(step), motions=motions)
-    scorer.add(
-        SimpleNamespace(frame=frame, truth=truth), SimpleNamespace(estimate=estimate, mean_estimate=estimate)
-    )
+    record = SimpleNamespace(estimate=estimate, mean_estimate=estimate, weighted=DOT, belief=DOT, **REST)
+    rows.add(SimpleNamespace(frame=frame, truth=truth, kidnapped=False), record)
 
 
 def _score(truths, converged=1.0, motions=STILL):
-    scorer = Scorer()
+    rows = TableRows()
     for truth in truths:
-        _add(scorer, _estimate(converged=converged), truth, motions)
-    return scorer.result()
+        _add(rows, _estimate(converged=converged), truth, motions)
+    return score_table(rows.table())
 
 
 @pytest.mark.parametrize(
@@ -129,12 +132,12 @@ def test_a_lost_run_is_four_running_and_stays_in_its_mean():
 
 def _drive(ways_in, off_from=None):
     """Drive along y; from update `off_from` on the estimate is 40 in away."""
-    scorer, way = Scorer(), 0.0
+    rows, way = TableRows(), 0.0
     for number, step in enumerate(ways_in, start=1):
         way += step * INCH_M
         off = 40 * INCH_M if off_from is not None and number >= off_from else 0.0
-        _add(scorer, _estimate(off, way), np.array([0.0, way, 0.0]), np.array([[0.5, 0.0, 0.0]]))
-    return scorer.result()
+        _add(rows, _estimate(off, way), np.array([0.0, way, 0.0]), np.array([[0.5, 0.0, 0.0]]))
+    return score_table(rows.table())
 
 
 def test_reached_is_a_thousand_true_inches_before_going_astray():
@@ -177,7 +180,7 @@ def test_a_run_has_relative_errors_from_its_first_scored_update():
 
 
 def test_short_runs_have_few_figures():
-    run = Scorer().result()
+    run = score_table(TableRows().table())
     assert (run.updates, run.distance_m) == (0, 0)
     assert run.position_error_mean_m is None
     run = _score([_truth(1)] * 3)
@@ -219,14 +222,15 @@ def test_localized_and_right_at_the_end():
 
 
 def test_a_truth_far_from_the_origin_scores_the_same():
-    near, far = Scorer(), Scorer()
+    near, far = TableRows(), TableRows()
     rng = np.random.default_rng(0)
     for _ in range(12):
         pose, off = rng.uniform(-2, 2, 3), rng.normal(0, 0.3, 3)
-        for scorer, at in ((near, np.zeros(3)), (far, np.array([5e5, -3e5, 0]))):
-            _add(scorer, _estimate(*(pose + at)), pose + at + off)
+        for rows, at in ((near, np.zeros(3)), (far, np.array([5e5, -3e5, 0]))):
+            _add(rows, _estimate(*(pose + at)), pose + at + off)
     for name in ("position_error_mean_m", "position_error_final_m", "heading_error_mean_rad", "distance_m"):
-        assert getattr(far.result(), name) == pytest.approx(getattr(near.result(), name), abs=1e-8)
+        there, here = (getattr(score_table(rows.table()), name) for rows in (far, near))
+        assert there == pytest.approx(here, abs=1e-8)
 
 
 ARENA_M = (204 * INCH_M, 156 * INCH_M)
@@ -242,9 +246,11 @@ def _record(off_m, time_s=10.0, at=HERE, forward_m=0.2):
     frame = SimpleNamespace(motions=np.array([[forward_m, 0.0, 0.1]]), time_s=time_s)
     return SimpleNamespace(
         weighted=belief,
+        belief=belief,
         estimate=heaviest_cluster(belief),
         mean_estimate=weighted_mean(belief),
         frame=frame,
+        **REST,
     )
 
 
@@ -253,11 +259,11 @@ SPREAD = np.linspace(-2, 2, 100)
 
 
 def _judged(records, truths=None, arena_m=ARENA_M):
-    scorer = Scorer(arena_m)
+    rows = TableRows()
     for step, (record, truth) in enumerate(zip(records, truths or [HERE] * len(records), strict=True), 1):
         record.frame.step = step
-        scorer.add(SimpleNamespace(frame=record.frame, truth=truth), record)
-    return {success.preset: success for success in scorer.result().success}
+        rows.add(SimpleNamespace(frame=record.frame, truth=truth, kidnapped=False), record)
+    return {success.preset: success for success in score_table(rows.table(), arena_m).success}
 
 
 def _meets(preset, record, arena_m=ARENA_M):
@@ -312,12 +318,13 @@ def test_later_than_five_minutes_is_a_failure():
 
 
 def test_success_after_a_kidnapping_counts_from_there_and_not_at_the_old_place():
-    off_m = np.array([0.0, 0.0, 3.0, 3.0, 0.1, 0.1])
-    still = np.zeros((6, 2))
-    radii = _estimate().radii
-    numbers = RunNumbers(np.arange(1, 7), np.zeros((6, 3)), np.ones(6), np.ones(6), still, radii)
-    path = DrivenPath(np.column_stack([off_m, still]), 10.0 * np.arange(6), np.full(6, 0.5))
-    whole, after = (successes(numbers, path, off_m, ARENA_M, since) for since in (0, 2))
+    rows = TableRows()
+    for step, off_m in enumerate((0.0, 0.0, 3.0, 3.0, 0.1, 0.1), 1):
+        record = _record([0.0], 10.0 * (step - 1))
+        record.frame.step = step
+        truth = HERE + np.array([off_m, 0.0, 0.0])
+        rows.add(SimpleNamespace(frame=record.frame, truth=truth, kidnapped=step == 3), record)
+    whole, after = (successes(rows.table(), ARENA_M, since) for since in (0, 2))
     for one in whole:
         assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT_TRUTH, 3)
     for one in after:
