@@ -103,7 +103,7 @@ def results(run: Place) -> pl.DataFrame:
 
 
 def traces(run: Place) -> pl.DataFrame:
-    """Return what the charts show, one row per step and run: errors, spread, confidence, evidence, poses.
+    """Return the tables of a saved run or of a comparison: one row per step and run (docs/python.md).
 
     Meters, radians and seconds, poses in the map's frame; null where something is not known. InputError for
     what is no saved run.

@@ -25,7 +25,7 @@ from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, score_table
 from maurice_mcl.scoring.standing import Standing
-from maurice_mcl.scoring.table import RunTable, TableRows
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values import F64, NO_PICTURE, USUAL, Arena, Moment, Radii, StepRecord
 
@@ -118,14 +118,15 @@ class ResultCollector:
         `starts`, poses (3,), runs are compared with their odometry alone. Scans of a run without a filter are
         laid on the arena's occupancy map.
         """
-        self._rows = {label: TableRows(start=(starts or {}).get(label)) for label in labels}
         self._arena_m = arena.size_m
         self._pairings = {
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
         filters, starts = localizers or {}, starts or {}
-        self._verdicts = {label: VerdictBuilder(filters.get(label), arena.occupancy) for label in labels}
+        self._verdicts = {
+            label: VerdictBuilder(filters.get(label), arena.occupancy, starts.get(label)) for label in labels
+        }
         self._reckonings = {
             label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
         }
@@ -145,9 +146,7 @@ class ResultCollector:
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self.no_number[label] += NO_NUMBER in record.events
-            verdict = self._verdicts[label]
-            verdict.add(moment, record)
-            self._rows[label].add(moment, record, verdict.signal.knows, verdict.state)
+            self._verdicts[label].add(moment, record)
             reckoning = self._reckonings[label]
             if reckoning is not None:
                 reckoning.add(moment, record)
@@ -169,7 +168,7 @@ class ResultCollector:
 
     def table(self, label: str) -> RunTable:
         """Return a run as a table, up to now."""
-        return self._rows[label].table()
+        return self._verdicts[label].table
 
     def _verdict(self, label: str) -> RunVerdict:
         reckoning = self._reckonings[label]
@@ -179,10 +178,11 @@ class ResultCollector:
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
         verdicts = self.verdicts()
-        return [self._result(label, rows.table(), verdicts[label]) for label, rows in self._rows.items()]
+        return [self._result(label, verdicts[label]) for label in self._verdicts]
 
-    def _result(self, label: str, table: RunTable, verdict: RunVerdict) -> RunResult:
-        took_s, score = self._took_s[label], score_table(table, self._arena_m)
+    def _result(self, label: str, verdict: RunVerdict) -> RunResult:
+        took_s, table = self._took_s[label], self.table(label)
+        score = score_table(table, self._arena_m)
         per_s = score.updates / took_s if took_s > 0 else None
         signal = self._verdicts[label].signal.summary()
         result = RunResult(label, score, per_s, verdict, table.radii, signal=signal)

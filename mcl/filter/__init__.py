@@ -1,7 +1,7 @@
 """The particle filter, in the textbook's order. It reads no file, and knows neither truth nor scores.
 
 - `localizer`: the step: propose, measure, weight, estimate, resample, recover; and a run over a session
-- `batch`, `batch_step`: many runs with different seeds, from one comparison of every picture
+- `batch_step`: many runs with different seeds, stepped as one array
 - `branch`: the state in which another filter goes on from a step
 - `motion`: motion models and motion outliers
 - `guided_motion`: movements drawn toward where a sensor puts the robot, and weighted for it

@@ -6,11 +6,8 @@ its `ambiguity` two places that explained the pictures about as well.
 
 from __future__ import annotations
 
-from array import array
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -21,8 +18,9 @@ from ..filter.motion import PictureMotion
 from ..scoring.comparison import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
-from ..scoring.metrics import FIRST_SCORED, StepScore
+from ..scoring.metrics import FIRST_SCORED, StepScore, score_step
 from ..scoring.standing import Standing, StandingFinder
+from ..scoring.table import RunTable, TableRows
 from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
@@ -295,20 +293,18 @@ class VerdictBuilder:
 
     localizer: InitVar[Localizer | None] = None
     occupancy: InitVar[OccupancyMap | None] = None  # that scans of a run without one are laid on
-    _verdict: RunVerdict = field(default_factory=RunVerdict)
+    start: InitVar[F64 | None] = None  # (3,) where the run began, for odometry alone
     _incidents: IncidentFinder = field(default_factory=IncidentFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _standing: StandingFinder = field(default_factory=StandingFinder)
-    _sum_m: float = 0.0
-    _scored: int = 0  # updates
-    _converged: int = 0
-    # of the updates with truth: their steps, and whether they were localized; a few bytes each
-    _judged: array[int] = field(default_factory=lambda: array("q"))
-    _sure: bytearray = field(default_factory=bytearray)
+    _rows: TableRows = field(default_factory=TableRows)
 
-    def __post_init__(self, localizer: Localizer | None, occupancy: OccupancyMap | None) -> None:
+    def __post_init__(
+        self, localizer: Localizer | None, occupancy: OccupancyMap | None, start: F64 | None
+    ) -> None:
+        self._rows = TableRows(start=start)
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None:
@@ -317,31 +313,14 @@ class VerdictBuilder:
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
-        step, verdict = moment.frame.step, self._verdict
+        step = moment.frame.step
         self._incidents.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
         self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
         episodes = self._diagnosis.episodes
         self._standing.see(step, episodes)
-        score, left = episodes.score, LEFT_MAP in record.events
-        self._converged += int(score.converged)
-        if score.correct is not None:
-            self._judged.append(step)
-            self._sure.append(score.localized is True)
-        self._verdict = replace(
-            verdict,
-            **self._error(verdict, step, score),
-            updates=verdict.updates + 1,
-            unjudged=verdict.unjudged + (score.correct is None),
-            first=verdict.first if verdict.updates else step,
-            last=step,
-            localized=episodes.localized,
-            radii=record.estimate.radii,
-            left_map=(*verdict.left_map, step) if left else verdict.left_map,
-            episodes=episodes.episodes,
-            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, episodes.is_bereft),
-        )
+        self._rows.add(moment, record, self.signal.knows, episodes.state, bereft=episodes.is_bereft)
 
     @property
     def signal(self) -> LostSignal:
@@ -349,9 +328,9 @@ class VerdictBuilder:
         return self._diagnosis.episodes.signal
 
     @property
-    def state(self) -> str:
-        """The localization status at the last update: a key of `episodes.STATES`."""
-        return self._diagnosis.episodes.state
+    def table(self) -> RunTable:
+        """The run as a table, up to now."""
+        return self._rows.table()
 
     @property
     def now(self) -> Standing | None:
@@ -360,20 +339,15 @@ class VerdictBuilder:
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
-        count, sure, localized = max(self._verdict.updates, 1), self._sure, self._verdict.localized
-        since = b"" if localized is None else sure[bisect_left(self._judged, localized) :]
-        has_truth, failures = self._verdict.end is not None, self._diagnosis.result()
+        episodes, failures, run = self._diagnosis.episodes, self._diagnosis.result(), self.table
+        figures = _figures(run, episodes.localized)
         doubts = tuple((failure.episode.first, failure.episode.last) for failure in failures)
         return replace(
-            self._verdict,
-            sure=sum(sure),
-            sure_lately=len(list(takewhile(bool, reversed(sure)))),
-            kept_share=sum(since) / len(since) if since else 1.0,
-            has_truth=has_truth,
+            RunVerdict(**figures),
+            localized=episodes.localized,
+            episodes=episodes.episodes,
             has_laser=self._diagnosis.has_laser,
-            doubts=self._diagnosis.doubts if has_truth else doubts,
-            error_mean_m=self._sum_m / self._scored if self._scored else None,
-            converged_share=self._converged / count,
+            doubts=self._diagnosis.doubts if run.known.any() else doubts,
             in_obstacles=self._obstacles.stays,
             incidents=self._incidents.incidents,
             failures=failures,
@@ -381,25 +355,48 @@ class VerdictBuilder:
             now=self.now,
         )
 
-    def _error(self, verdict: RunVerdict, step: int, score: StepScore) -> dict[str, Any]:
-        """Return what one update changes of the errors, by field."""
-        error_m = score.position_error_m
-        if error_m is None:
-            return {}
-        off, beyond = verdict.off + (score.correct is False), verdict.beyond + (score.lost is True)
-        told = {"end": score, "off": off, "beyond": beyond}
-        if verdict.updates + 1 < FIRST_SCORED:
-            return told
-        self._scored, self._sum_m = self._scored + 1, self._sum_m + error_m
-        is_most = verdict.error_most_m is None or error_m > verdict.error_most_m
-        return told | ({"error_most_m": error_m, "most_at": step} if is_most else {})
+
+def _figures(run: RunTable, localized: int | None) -> dict[str, Any]:
+    """Return what a verdict has of a run's table; `localized` is the first step at which it was."""
+    if not run.updates:
+        return {}
+    known, error_m = run.known, run.error_m
+    sure, since = run.is_localized[known], run.steps[known] >= (localized or 0)
+    scored = known & (np.arange(run.updates) >= FIRST_SCORED - 1)
+    figures = {
+        "updates": run.updates,
+        "unjudged": int((~known).sum()),
+        "has_truth": bool(known.any()),
+        "first": int(run.steps[0]),
+        "last": int(run.steps[-1]),
+        "radii": run.radii,
+        "left_map": tuple(
+            step for step, events in zip(run.steps.tolist(), run.events, strict=True) if LEFT_MAP in events
+        ),
+        "converged_share": float(run.is_converged.mean()),
+        "off": int((known & ~run.is_correct).sum()),
+        "beyond": int(run.is_off.sum()),
+        "sure": int(sure.sum()),
+        "sure_lately": int(np.logical_and.accumulate(sure[::-1]).sum()),
+        "kept_share": float(sure[since].mean()) if localized is not None else 1.0,
+        "sure_and_wrong": _surest(run),
+    }
+    if known.any():
+        last = int(np.flatnonzero(known)[-1])
+        figures["end"] = score_step(run.estimate(last), run.truths[last])
+    if scored.any():
+        most = int(np.where(scored, error_m, -1.0).argmax())
+        figures |= {"error_mean_m": float(error_m[scored].mean())}
+        figures |= {"error_most_m": float(error_m[most]), "most_at": int(run.steps[most])}
+    return figures
 
 
-def _worse(
-    worst: SureAndWrong | None, step: int, score: StepScore, record: StepRecord, bereft: bool
-) -> SureAndWrong | None:
-    """Return the worst update so far that was sure and wrong."""
-    error_m = score.position_error_m or 0.0
-    if not score.wrong_and_confident or (worst is not None and worst.error_m >= error_m):
-        return worst
-    return SureAndWrong(step, error_m, record.estimate.converged, bereft)
+def _surest(run: RunTable) -> SureAndWrong | None:
+    """Return the update with the largest error of those that were sure and wrong."""
+    wrong = run.known & run.is_converged & ~run.is_correct
+    if not wrong.any():
+        return None
+    most = int(np.where(wrong, run.error_m, -1.0).argmax())
+    return SureAndWrong(
+        int(run.steps[most]), float(run.error_m[most]), float(run.converged[most]), bool(run.bereft[most])
+    )

@@ -2,6 +2,7 @@
 
 Why it was so is in `reasons`.
 
+- `table`: a run as a table, which all others read; `batch`: the tables of many runs with different seeds
 - `metrics`: definitions of localized, lost and converged; scores of a step, a run, and many runs as arrays;
   the thesis's success
 - `episodes`: when a run was lost, searching, wrong and confident

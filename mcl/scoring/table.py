@@ -1,4 +1,4 @@
-"""A run as a table: one row an update, the same columns wherever a run is kept (docs/run-table.md).
+"""A run as a table: one row an update, the same columns wherever a run is kept (docs/python.md).
 
 Scores, episodes, traces, reports and trials are functions of it. A cloud is not part of it.
 """
@@ -61,6 +61,7 @@ class RunTable:
     particles: I32  # (U,) how many there are after the update
     parents: I32  # (U,) how many different particles these are copies of
     fresh: I32  # (U,) how many of them recovery drew
+    bereft: Bool  # (U,) whether no particle was near the truth, and it was not localized
     knows: F64  # (U,) probability that it knows where it is, without truth (`lost_signal`)
     events: tuple[tuple[str, ...], ...]  # (U,) as in `StepRecord.events`
     states: tuple[str, ...]  # (U,) keys of `episodes.STATES`; "": not followed
@@ -144,7 +145,7 @@ class RunTable:
     def frame(self) -> pl.DataFrame:
         """Return the table as a polars frame, one row an update, null where something is not known.
 
-        docs/run-table.md lists the columns.
+        docs/python.md lists the columns.
 
             >>> import maurice_mcl as mcl
             >>> table = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
@@ -184,13 +185,17 @@ FRAMED = (
     "particles",
     "parents",
     "fresh",
+    "bereft",
     "odometry_m",
     "kidnapped",
 )  # columns that a frame has by their own names
 
 # Axes and types of the columns; of the others: one float.
 SIZES = {"truths": (3,), "odometry": (3,), "poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}
-KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {"kidnapped": "bool"}
+KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {
+    "kidnapped": "bool",
+    "bereft": "bool",
+}
 OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "kidnapped")
 OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events", "states")
 OF_A_RUN = tuple(column.name for column in fields(RunTable) if column.name not in OTHERS)
@@ -210,11 +215,20 @@ class TableRows:
     _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
     _states: list[str] = field(default_factory=list)  # (U,) of a single run
 
-    def add(self, moment: Moment, record: StepRecord, knows: float | None = None, state: str = "") -> None:
+    def add(
+        self,
+        moment: Moment,
+        record: StepRecord,
+        knows: float | None = None,
+        state: str = "",
+        *,
+        bereft: bool = False,
+    ) -> None:
         """Keep the next update of a single run, with what `episodes` and `lost_signal` say of it."""
         self.begin(moment)
         self.put(0, record)
         self._columns["knows"][self.updates - 1] = np.nan if knows is None else knows
+        self._columns["bereft"][self.updates - 1] = bereft
         self._states[-1] = state
 
     def begin(self, moment: Moment) -> None:
@@ -301,9 +315,8 @@ class TableRows:
     def tables(self, seeds: Sequence[int]) -> tuple[RunTable, ...]:
         """Return the runs so far, one by one."""
         self._make_room()  # an empty table has columns, too
-        made = {name: column[: self.updates] for name, column in self._columns.items()}
-        drive = {name: made[name].copy() for name in OF_THE_DRIVE}
-        columns = {name: np.swapaxes(made[name], 0, 1).copy() for name in OF_A_RUN}
+        made = {name: column[: self.updates] for name, column in self._columns.items()}  # rows never change
+        drive = {name: made[name] for name in OF_THE_DRIVE}
         return tuple(
             RunTable(
                 seed=seed,
@@ -311,7 +324,7 @@ class TableRows:
                 events=tuple(events[run] for events in self._events),
                 states=tuple(self._states),
                 **drive,
-                **{name: column[run] for name, column in columns.items()},
+                **{name: made[name][:, run] for name in OF_A_RUN},
             )
             for run, seed in enumerate(seeds)
         )

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.filter.estimate import share_within
+from maurice_mcl.filter.estimate import CIRCLE_M, share_within
 from maurice_mcl.filter.localizer import LEFT_MAP, Localizer, run
-from maurice_mcl.scoring.batch import CIRCLE_M, compared_once, run_batch
+from maurice_mcl.scoring.batch import compared_once, run_batch
 from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.values.library import Radii
 
