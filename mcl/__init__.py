@@ -14,7 +14,7 @@ The chapters, from the ground up:
 - `scoring`: how good a run is; `reasons`: why it was so
 - `fitting`: motion constants, the camera's noise floor, and weights of channels, fitted to drives
 
-This package knows numpy, OpenCV and scipy, never a viewer; it never prints.
+This package knows numpy, OpenCV, scipy and, for tables, polars, never a viewer; it never prints.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ HEAVY = {
     "rerun": {"maurice_viz"},
     "typer": {"maurice_viz"},
     "rich": {"maurice_viz"},
-    "polars": {"maurice_viz", "maurice_datasets", "maurice_loaders"},
+    "polars": {"maurice_viz", "maurice_datasets", "maurice_loaders", "maurice_mcl"},
 }
 # Rooms of each package from the ground up: a room may import those before a `>` before it, not its neighbors.
 ROOMS = {
@@ -210,7 +210,7 @@ def test_nothing_is_unpickled():
 
 def test_files_are_chapters_and_folders_have_room():
     for folder, file in SOURCES:
-        assert file.read_text(encoding="utf-8").count("\n") <= 400, file
+        assert file.read_text(encoding="utf-8").count("\n") <= 600, file
         assert (ROOT / folder) in file.parents
     folders = Counter(file.parent for _, file in SOURCES if file.name != "__init__.py")
     assert {str(folder): count for folder, count in folders.items() if count > 16} == {}

@@ -118,7 +118,8 @@ def test_events_agree_with_the_table_of_figures(letters):
     if score.lost_at_update is None:
         assert (localized is None) == (score.localized_at_update is None)
     if localized is not None and score.localized_at_update is not None:
-        assert localized.step == score.localized_at_update + 4
+        judged = [step for step, letter in enumerate(letters, start=1) if letter != 3]
+        assert localized.step == judged[judged.index(score.localized_at_update) + 4]
         assert localized.text == f"localized from step {score.localized_at_update} on"
 
 
