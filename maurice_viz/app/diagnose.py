@@ -29,8 +29,7 @@ from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure, say_remedy
 from ..text.findings import brief
 from ..text.summary import failure_json
-from ..text.tour import headline
-from ..text.verdict import off_map, say_verdict
+from ..text.verdict import headline, off_map
 from .replay import replay
 
 if TYPE_CHECKING:
@@ -67,7 +66,8 @@ class RunDiagnosis:
     def text(self) -> str:
         """The diagnosis in lines."""
         scale = Scale(units_named(self.display_units))
-        lines = [f"{self.label}: {headline({self.label: self.verdict}, scale)}{off_map(self.verdict)}"]
+        lines = [f"{self.label}: {headline({self.label: self.verdict}, scale)}"]
+        lines += [left] if (left := off_map(self.verdict)) else []
         if not self.verdict.has_truth:
             none = NO_SCAN_SIGNAL if self.verdict.has_laser else NONE_WITHOUT_TRUTH
             lines.append(NO_TRUTH if self.failures else none)
@@ -108,7 +108,7 @@ class RunDiagnosis:
             "label": self.label,
             "truth_known": self.verdict.has_truth,
             "updates": self.verdict.updates,
-            "verdict": say_verdict(self.verdict, scale),
+            "verdict": headline({self.label: self.verdict}, scale),
             "failures": [failure_json(failure, scale) for failure in self.failures],
         }
 

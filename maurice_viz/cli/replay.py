@@ -19,8 +19,7 @@ from ..entities import Phase, Place
 from ..layouts import INSIDE
 from ..style import Scale, Units, units_named
 from ..text.summary import paired_rows, score_rows, short_rows
-from ..text.tour import headline
-from ..text.verdict import verdict_line
+from ..text.verdict import account, headline
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
 from .shared.live_options import ListenSet
@@ -226,9 +225,10 @@ def printed(json_output: bool, *, all_rows: bool = False) -> Report:
             print_json(scores.to_json())
         else:
             units = units_named(scores.display_units)
-            say = verdict_line if all_rows else headline
-            line = say({run.label: run.verdict for run in scores.runs}, Scale(units))
-            results.say(line, style="bold")
+            verdicts = {run.label: run.verdict for run in scores.runs}
+            results.say(headline(verdicts, Scale(units)), style="bold")
+            for line in account(verdicts, Scale(units)) if all_rows else ():
+                results.say(line)
             results.print(to_table(scores.runs, units, scores.name, results, all_rows=all_rows))
             if not all_rows:
                 note("--all prints the whole verdict and table")

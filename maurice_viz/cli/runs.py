@@ -16,7 +16,7 @@ from rich.text import Text
 
 from ..entities import PHASE_NAMES
 from ..style import Scale, units_named
-from ..text.tour import headline
+from ..text.verdict import headline
 from .replay import to_table
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results

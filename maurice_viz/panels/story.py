@@ -25,8 +25,8 @@ from ..scene import RunView, Scene, shortly
 from ..style import STATES, font_safe
 from ..text.lesson import say_lesson
 from ..text.summary import failure_json
-from ..text.tour import FEWEST_LETTERS, LETTERS, MOST_CROWDED, headline, now_line, tour_pages, words
-from ..text.verdict import NOTHING_YET
+from ..text.tour import FEWEST_LETTERS, LETTERS, MOST_CROWDED, tour_pages, words
+from ..text.verdict import NOTHING_YET, headline, now_line
 from .laser.scan import reading_of
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import POSITION_ERROR, SPREAD

@@ -24,8 +24,7 @@ from ..running.saved import Opened, open_saved
 from ..running.saved_steps import Collected, Pictures, collect, restored_together
 from ..style import RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows, short_rows
-from ..text.tour import headline
-from ..text.verdict import verdict_line
+from ..text.verdict import account, headline
 from .charts import Chart, ChartLine, DrawnChart, Mark, page_of_template
 from .lanes import DrawnLanes
 from .map import DrawnMap, linked
@@ -102,7 +101,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
         headline=headline(verdicts, scale).replace("`", ""),
-        verdict=verdict_line(verdicts, scale).replace("`", ""),
+        account=[line.replace("`", "") for line in account(verdicts, scale)],
         scores=[(name, *cells) for name, cells in short_rows(results, units)],
         all_scores=[
             (name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)

@@ -13,7 +13,7 @@ from maurice_mcl.reasons.place import PlaceKnown
 
 from ..style import Scale, capital
 from .explanation import ordinal
-from .tour import joined
+from .verdict import joined
 
 MOST_RANK, RANK_SHARE = (
     5,

@@ -24,7 +24,7 @@ from ..playback import RunResult
 from ..style import Scale, Units
 from .causes import say_failure, steps_text
 from .comparison import not_averaged
-from .verdict import say_verdict
+from .verdict import headline
 
 Cell = Callable[[RunResult], str]
 ONE_LOST = "one was lost"  # instead of an average
@@ -371,7 +371,7 @@ def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
         "error_most_m": verdict.error_most_m,
         "most_at": verdict.most_at,
         "left_map": list(verdict.left_map),
-        "text": say_verdict(verdict, scale),
+        "text": headline({result.label: verdict}, scale),
         "in_obstacles": [asdict(stay) for stay in verdict.in_obstacles],
         "episodes": [asdict(episode) | {"text": episode.account} for episode in verdict.episodes],
         "failures": [failure_json(failure, scale) for failure in verdict.failures],

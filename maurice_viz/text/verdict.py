@@ -1,114 +1,255 @@
-"""The verdict in words: one line that says what happened to one run, or to several."""
+"""The verdict in words: the headline, two lines on all runs, and the account, a line for each event.
+
+The command line, recordings, reports and JSON say the same. All terms are those of docs/evaluation.md.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import CARRIED
+from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
-from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
+from maurice_mcl.scoring.episodes import SEARCHING, Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.table import RIGHT_RAD
 
 from ..style import Scale, capital
-from .causes import ROBOT_KIDNAPPED, say_cause, say_incident, steps_text
+from .causes import say_failure, say_incident, say_rival, steps_text
 
-SURE = ", sure of a wrong place"
+SURE_OF_WRONG = ", sure of a wrong place"
 NOTHING_YET = "No step yet."
-MOSTLY = 0.5  # share of the steps
-MOST_INCIDENTS = 2  # that a line tells of
 ALIKE_Q = 0.1  # qualities that differ by less are about equal
+TWO_LINES = 210  # letters
+MOSTLY = 0.5  # share of the steps at which the dots were together: from here on a run kept them so
+FEW = 5  # steps, below which nothing can be said of a run but where it is
+NO_TRUTH = " No truth is known to judge by."
 
 
-def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
-    """Return one line about all runs, what they share first: "The wheels slipped at step 34. `a` ..."."""
-    if len(verdicts) == 1:
-        return say_verdict(next(iter(verdicts.values())), scale)
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run did in the end. Runs that did the same are told together."""
+
+    did: str  # with {was} and {itself}, where several runs did it
+    value: str = ""  # a number of this run, in brackets
+    before: str = ""  # words around it
+    after: str = ""
+    alone: str = ""  # what is told after it of a single run
+
+
+def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
+    """Return what happened: "Kidnapped at step 41: `thesis` stayed lost (63.5 in off at the end). ..."."""
     runs = list(verdicts.values())
-    carried = bool(shared_kidnappings(runs))
-    parts = [_of_several(f"`{label}`", verdict, scale, carried) for label, verdict in verdicts.items()]
-    return f"{_shared(runs, scale)}{'; '.join(parts)}."
-
-
-def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
-    """Return what one of several runs did, as a clause: "`robust` was localized from step 63 on"."""
-    if not verdict.has_truth:
-        return f"{name}: {_without_truth(verdict, scale)}"
-    did = _predicate(verdict, scale, kidnapping_told)
-    before = "; ".join(filter(None, [_made_worse(verdict, scale), _before(verdict, scale)]))
-    why = _why(verdict, scale)
-    because = f" ({why})" if why else f" ({ruled_out(verdict)})" if verdict.in_obstacles else ""
-    return f"{name}: {before}; it {did}{because}" if before else f"{name} {did}{because}"
-
-
-def _why(verdict: RunVerdict, scale: Scale) -> str:
-    """Return why a run was not localized (again): its first failure that no incident told before explains."""
-    failure = verdict.unexplained
-    if failure is None:
-        return ""
-    since = f"from step {failure.episode.onset}: " if len(verdict.episodes) > 1 else ""
-    return f"{since}{say_cause(failure, scale)}"
-
-
-def say_verdict(verdict: RunVerdict, scale: Scale) -> str:
-    """Return one line about one run."""
-    if not verdict.updates:
+    if not any(run.updates for run in runs):
         return NOTHING_YET
-    shared = _shared([verdict], scale)
-    left = off_map(verdict)
+    if max(run.updates for run in runs) < FEW:
+        return _too_few(verdicts, scale)
+    groups: dict[str, list[tuple[str, Outcome]]] = {}
+    for label, verdict in verdicts.items():
+        outcome = _outcome(verdict, scale)
+        groups.setdefault(outcome.did, []).append((f"`{label}`" if len(runs) > 1 else "the filter", outcome))
+    happened = _happened(runs)
+    for detail in (2, 1, 0):  # as much as there is room for
+        text = " ".join(_sentence(group, detail) for group in groups.values())
+        text = f"{happened}: {text}" if happened else f"{capital(text)}"
+        text += "" if any(run.has_truth for run in runs) else NO_TRUTH
+        if len(text) <= TWO_LINES:
+            break
+    return text
+
+
+def now_line(verdicts: Mapping[str, RunVerdict]) -> str:
+    """Return how runs of a live drive stand: "Now: localized, since step 640. "; "" where nothing tells."""
+    named = {f"`{label}` " if len(verdicts) > 1 else "": run.now for label, run in verdicts.items()}
+    parts = [f"{name}{now.words}, since step {now.since}" for name, now in named.items() if now is not None]
+    return f"Now: {'; '.join(parts)}. " if parts else ""
+
+
+def _too_few(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
+    """Return where runs of a few steps are: "After 1 step: `a` is 63.5 in off. Too early to say more."."""
+    names = {label: f"`{label}`" if len(verdicts) > 1 else "the filter" for label in verdicts}
+    off = [f"{names[label]} is {off_at(run.end, scale)}" for label, run in verdicts.items() if run.has_truth]
+    steps = max(run.updates for run in verdicts.values())
+    after = f"After {steps} step{'s' * (steps > 1)}"
+    return (
+        f"{after}: {joined(off)}. Too early to say more."
+        if off
+        else f"{after} it is too early to say anything."
+    )
+
+
+def _sentence(group: Sequence[tuple[str, Outcome]], details: int) -> str:
+    """Return what runs did: "`a` and `b` stayed lost (63.5 in and 40.2 in off at the end)."."""
+    first = group[0][1]
+    was, itself = ("were", "themselves") if len(group) > 1 else ("was", "itself")
+    text = f"{joined([name for name, _ in group])} {first.did.format(was=was, itself=itself)}"
+    values = [outcome.value for _, outcome in group if outcome.value]
+    values = values[:1] if len(set(values)) == 1 else values  # one that all share, or one of each
+    detail = f"{first.before}{joined(values)}{first.after}" if values and details else ""
+    detail += first.alone if len(group) == 1 and details > 1 else ""
+    return f"{text} ({detail})." if detail else f"{text}."
+
+
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Join words: "a, b and c"."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def _happened(runs: Sequence[RunVerdict]) -> str:
+    """Return what befell all runs first: "Kidnapped at step 41"; of several kidnappings their number."""
+    carried, shared = shared_kidnappings(runs), shared_incidents(runs)
+    if carried:
+        more = f" and {len(carried) - 1} more time{'s' * (len(carried) > 2)}" if len(carried) > 1 else ""
+        return f"Kidnapped at step {carried[0]}{more}"
+    if shared:
+        title = shared[0].about.title
+        return f"{capital(title)} at step {shared[0].step}"
+    divided = [run.telling for run in runs]
+    step = None if divided[0] is None else divided[0].step
+    same = step is not None and all(places is not None and places.step == step for places in divided)
+    return f"Two places looked alike at step {step}" if same else ""
+
+
+def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
+    """Return what one run did in the end."""
+    alone, at_end, off = verdict.odometry_alone, " at the end", off_at(verdict.end, scale)
+    if alone is not None and alone.is_better:  # a sensor that is worse than none is told first
+        error, without = scale.say(alone.error_mean_m + alone.against.mean), scale.say(alone.error_mean_m)
+        after = f" off on average, {without} without the {alone.sensors}"
+        return Outcome("did worse than odometry alone", error, after=after)
     if not verdict.has_truth:
-        return f"{shared}{capital(_without_truth(verdict, scale))}.{left}"
-    before = _before(verdict, scale)
-    sentences = f"{shared}{capital(before)}. " if before else shared
-    because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
-    did = _predicate(verdict, scale, bool(shared_kidnappings([verdict])))
-    worse = f"{capital(made_worse)}. " if (made_worse := _made_worse(verdict, scale)) else ""
-    return f"{worse}{sentences}The filter {did}.{because}{left}"
+        return _without_truth(verdict, scale)
+    episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
+    if few := hardly_localized(verdict):
+        sure, why = any(episode.is_sure for episode in episodes), _why(verdict)
+        did = f"{{was}} {few}{SURE_OF_WRONG if sure else ''}"
+        return Outcome(did, off, after=at_end, alone=f"; {why}" if why else "")
+    if episodes:
+        return _of_episodes(verdict, episodes, scale)
+    if verdict.localized is not None and verdict.localized > verdict.first:
+        return Outcome("found {itself}", str(verdict.localized), "at step ", alone=f", {off} at the end")
+    did = "{was} never lost" if verdict.off else f"{{was}} right at {verdict.every_step}"
+    if verdict.error_mean_m is None:  # too short to be scored
+        return Outcome(did, off, after=at_end)
+    return Outcome(did, scale.say(verdict.error_mean_m), after=" off on average")
 
 
-def _made_worse(verdict: RunVerdict, scale: Scale) -> str:
-    """Return a clause if odometry alone was better: "the camera made it worse: 0.82 m, 0.25 m without it"."""
-    alone = verdict.odometry_alone
-    if alone is None or not alone.is_better:
+def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale) -> Outcome:
+    """Return how the times that a run was wrong ended."""
+    last, why = episodes[-1], _why(verdict)
+    because = f"; {why}" if why else ""
+    if last.localized is None and last is verdict.episodes[-1]:
+        sure = SURE_OF_WRONG if last.is_sure else ""
+        end = verdict.end
+        before = [episode for episode in episodes[:-1] if episode.lost is not None]
+        did = "stayed lost" if end is None or end.lost else "{was} lost and not localized again"
+        if before and before[0].localized is None and did == "stayed lost":
+            did = f"{{was}} lost from step {before[0].onset} on"
+        elif before:
+            because = f"; lost from step {before[0].onset} before"
+        did += ", though right in the end" if end is not None and end.correct else sure
+        return Outcome(did, off_at(verdict.end, scale), after=" at the end", alone=because)
+    if last.localized is None:
+        return Outcome("{was} lost", why)
+    step, fresh = str(last.localized), f", with {last.fresh} new particles" if last.fresh else ""
+    if last.kind == SEARCHING:
+        return Outcome("found {itself}, after a wrong place", step, "at step ", alone=fresh)
+    if len(episodes) == 1:
+        did = "found {itself} again" if last.given is None else "{was} lost until somebody gave a pose"
+        return Outcome(did, step, "at step ", alone=f"{fresh}{because}")
+    return Outcome("{was} lost again and again", step, f"{len(episodes)} times, until step ", alone=because)
+
+
+def _why(verdict: RunVerdict) -> str:
+    """Return the cause of the first failure in a word or two, where no incident was told before."""
+    failure = verdict.unexplained
+    if failure is not None and verdict.has_loud_incident(failure.episode):
         return ""
-    off, without = scale.say(alone.error_mean_m + alone.against.mean), scale.say(alone.error_mean_m)
-    return f"the {alone.sensors} made it worse: {off} off on average, {without} by odometry alone"
+    return "" if failure is None or failure.kind == UNKNOWN else failure.title
+
+
+def _without_truth(verdict: RunVerdict, scale: Scale) -> Outcome:
+    """Return what can be said of a run that no truth judges."""
+    if verdict.failures:
+        failure = verdict.failures[0]
+        why = say_rival(failure, scale) if failure.kind == UNKNOWN else failure.title
+        why = f": {why}" if why else ""
+        return Outcome("{was} probably lost", str(failure.episode.first), "from step ", alone=why)
+    share = f"{verdict.converged_share:.0%}"
+    if verdict.converged_share < MOSTLY:
+        return Outcome("did not keep the dots together", share, "together at ", " of the steps")
+    return Outcome("kept the dots together", share, "at ", " of the steps")
+
+
+def hardly_localized(verdict: RunVerdict) -> str:
+    """Return how right a run was that was localized at few steps or none, as a predicate without its verb.
+
+    Empty of a run that was localized at most steps since it first was, or that was lost.
+    """
+    lost = [episode for episode in verdict.episodes if episode.kind != SEARCHING]
+    if verdict.is_kept or lost or not verdict.judged:
+        return ""
+    steps, is_sure = f"of {verdict.judged} steps", any(episode.is_sure for episode in verdict.episodes)
+    sure = f"sure of it at only {verdict.sure}" if verdict.sure else "never sure of it"
+    if not verdict.off:
+        return f"right at {verdict.every_step}, but {sure}{f' {steps}' * bool(verdict.sure)}"
+    if verdict.right >= MOSTLY * verdict.judged and not is_sure:
+        return f"right at {verdict.right} {steps}, but {sure}"
+    if verdict.sure and verdict.sure == verdict.sure_lately:
+        return f"localized only at the last {verdict.sure} {steps}"
+    return f"localized at only {verdict.sure} {steps}" if verdict.localized else "never localized"
+
+
+def off_at(end: StepScore | None, scale: Scale) -> str:
+    """Return an error: "63.5 in off"; with the heading where that is not right."""
+    if end is None or end.position_error_m is None:
+        return "truth not known"
+    turned = end.heading_error_rad or 0.0
+    heading = f" and {math.degrees(turned):.0f} deg" if turned > RIGHT_RAD else ""
+    return f"{scale.say(end.position_error_m)}{heading} off"
+
+
+# The account: what the headline has no room for.
+
+
+def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
+    """Return what happened, a sentence each: to the robot, then how and why each run was wrong."""
+    incidents = dict.fromkeys(i for verdict in verdicts.values() for i in verdict.telling_incidents)
+    lines = [f"{capital(say_incident(incident, scale))}." for incident in incidents]
+    for label, verdict in verdicts.items():
+        name = f"`{label}`: " if len(verdicts) > 1 else ""
+        lines += [f"{name}{sentence}" for sentence in _of_run(verdict, scale)]
+    return lines
+
+
+def _of_run(verdict: RunVerdict, scale: Scale) -> Iterator[str]:
+    """Yield what is to be told of one run."""
+    if verdict.telling is not None:
+        yield f"{capital(_divided(verdict.telling, scale))}."
+    yield from (say_failure(failure, scale) for failure in verdict.failures)
+    sure = verdict.sure_and_wrong
+    if sure is not None and any(e.is_sure and e.first <= sure.step <= e.last for e in verdict.episodes):
+        within, away = scale.say(verdict.radii.cluster_m), scale.say(sure.error_m)
+        near = ", with no particle near it" if sure.bereft else ""
+        place = f"within {within} of a place {away} from the truth{near}"
+        yield f"Sure of a wrong place: at step {sure.step}, {sure.share:.0%} of the weight lay {place}."
+    if left := off_map(verdict):
+        yield left
 
 
 def off_map(verdict: RunVerdict) -> str:
-    """Return where map and run contradict each other, as sentences after the others."""
+    """Return where map and run contradict each other, as a sentence; "" where they do not."""
     if verdict.in_obstacles:
-        ruled = ruled_out(verdict)
-        return f" {capital(ruled)}: --set map.obstacles=movable allows it."
+        first, more = verdict.in_obstacles[0], len(verdict.in_obstacles) - 1
+        at = steps_text(first.first, first.last)
+        times = f" and {more} more time{'s' * (more > 1)}" if more else ""
+        there = f"The map has the {first.obstacle} where the robot was at {at}{times}"
+        return f"{there}, so no particle could be there: --set map.obstacles=movable allows it."
     if not verdict.left_map:
         return ""
     at = _listed(verdict.left_map)
-    return f" No particle was left on the map at {at}, so the cloud was kept in place."
-
-
-def ruled_out(verdict: RunVerdict) -> str:
-    """Return where the map ruled the truth out, as a clause: "the map has the sofa where the robot was"."""
-    first, more = verdict.in_obstacles[0], len(verdict.in_obstacles) - 1
-    at = steps_text(first.first, first.last)
-    times = f" and {more} more time{'s' * (more > 1)}" if more else ""
-    there = f"the map has the {first.obstacle} where the robot was at {at}{times}"
-    return f"{there}, so no particle could be there"
-
-
-def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return what befell all runs of a drive, as sentences: "The wheels slipped at step 34. "."""
-    incidents = [f"{say_incident(incident, scale)}. " for incident in shared_incidents(runs)]
-    return "".join([_kidnapped_at(runs, scale), *incidents[:MOST_INCIDENTS]])
-
-
-def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return the kidnappings in the log that all runs share: "The robot was kidnapped at step 61. "."""
-    at = shared_kidnappings(runs)
-    if len(at) != 1:
-        return f"{ROBOT_KIDNAPPED} at {_listed(at)}. " if at else ""
-    known = [i for i in runs[0].incidents if i.kind == CARRIED and i.actual is not None]
-    return f"{say_incident(known[0], scale)}. " if known else f"{ROBOT_KIDNAPPED} at step {at[0]}. "
+    return f"No particle was left on the map at {at}, so the cloud was kept in place."
 
 
 def _divided(ambiguity: Ambiguity, scale: Scale) -> str:
@@ -132,133 +273,6 @@ def _fits(ambiguity: Ambiguity) -> str:
     first, second = ambiguity.fits
     values = f"q {first:.2f} and {second:.2f}; a typical place {ambiguity.usual:.2f}"
     return f"; both fit about as well ({values})"
-
-
-def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
-    """Return what one run did: "was wrong from step 61, localized again from step 63 on"."""
-    episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
-    if few := hardly_localized(verdict):
-        sure = _how_sure(episodes[-1], verdict, scale) if episodes else ""
-        return f"was {few}{sure} ({off_at(verdict.end, scale)} at the end){_beyond(verdict)}"
-    if not episodes:
-        return _never_wrong(verdict, scale)
-    parts = [_say_episode(episode, verdict, scale, kidnapping_told) for episode in episodes[:2]]
-    text, more = "; then it ".join(parts), len(episodes) - len(parts)
-    return f"{text}; and it was wrong {more} more time{'s' * (more > 1)}" if more else text
-
-
-def hardly_localized(verdict: RunVerdict) -> str:
-    """Return how right a run was that was localized at few steps or none, as a predicate without its verb.
-
-    Empty of a run that was localized at most steps since it first was, or that was lost.
-    """
-    lost = [episode for episode in verdict.episodes if episode.kind != SEARCHING]
-    if verdict.is_kept or lost or not verdict.judged:
-        return ""
-    steps, is_sure = f"of {verdict.judged} steps", any(episode.is_sure for episode in verdict.episodes)
-    sure = f"sure of it at only {verdict.sure}" if verdict.sure else "never sure of it"
-    if not verdict.off:
-        return f"right at {verdict.every_step}, but {sure}{f' {steps}' * bool(verdict.sure)}"
-    if verdict.right >= MOSTLY * verdict.judged and not is_sure:
-        return f"right at {verdict.right} {steps}, but {sure}"
-    if verdict.sure and verdict.sure == verdict.sure_lately:
-        return f"localized only at the last {verdict.sure} {steps}"
-    return f"localized at only {verdict.sure} {steps}" if verdict.localized else "never localized"
-
-
-def _beyond(verdict: RunVerdict) -> str:
-    """Return at how many steps a run was too far off that was not lost, as a clause."""
-    if not verdict.beyond or any(episode.lost is not None for episode in verdict.episodes):
-        return ""
-    steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
-    return f", beyond the lost radius at {steps}, but never at four in a row"
-
-
-def _say_episode(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
-    """Return one episode as a predicate, with how it ended."""
-    sure = _how_sure(episode, verdict, scale)
-    is_last = episode == verdict.episodes[-1]
-    if episode.kind == SEARCHING:
-        from_step = f"localized from step {episode.localized} on"
-        return f"was confident of a wrong place at {episode.sure} steps before it was {from_step}"
-    carried = episode.kind == KIDNAPPED and not (kidnapping_told and episode.wrong)
-    parts = [f"kidnapped at step {episode.first}"] if carried and not kidnapping_told else []
-    parts += [episode.account] if episode.wrong is not None else []
-    incident = verdict.incident_of(episode)
-    parts += ["while all reference pictures scored alike"] if incident and incident.alike else []
-    if episode.localized is not None:
-        drawn = f"{episode.fresh} fresh particles up to step {episode.last}"
-        fresh = f", after {drawn}" if episode.fresh else ""
-        parts.append(f"localized again from step {episode.localized} on{fresh}")
-    elif is_last and verdict.end is not None:
-        parts.append(f"{at_the_end(verdict.end)} ({off_at(verdict.end, scale)}){sure}")
-    else:
-        parts.append("not localized again")
-    return f"was {', '.join(parts)}"
-
-
-def at_the_end(end: StepScore) -> str:
-    """Return how a run that was not localized again ended, by the radii (docs/evaluation.md)."""
-    if end.lost:
-        return "still lost at the end"
-    return "right at the end, but not localized again" if end.correct else "neither right nor lost at the end"
-
-
-def off_at(end: StepScore | None, scale: Scale) -> str:
-    """Return an error: "63.5 in off"; with the heading where that is not right."""
-    if end is None or end.position_error_m is None:
-        return "truth not known"
-    turned = end.heading_error_rad or 0.0
-    heading = f" and {math.degrees(turned):.0f} deg" if turned > RIGHT_RAD else ""
-    return f"{scale.say(end.position_error_m)}{heading} off"
-
-
-def _how_sure(episode: Episode, verdict: RunVerdict, scale: Scale) -> str:
-    """Return how sure a lost run was, and whether a particle was near the truth."""
-    worst, text, is_bereft = verdict.sure_and_wrong, "", episode.is_bereft
-    if episode.is_sure:
-        text = SURE
-        if worst is not None and episode.first <= worst.step <= episode.last:
-            away = scale.say(worst.error_m)
-            within = f"within {scale.say(verdict.radii.cluster_m)} of a place {away} from the truth"
-            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {within}"
-            is_bereft = worst.bereft
-    is_bereft = is_bereft and not _why(verdict, scale)  # which says more
-    return f"{text}, with no particle near" if is_bereft else text
-
-
-def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
-    """Return what is to be said of a run without an episode, or whose search ended well."""
-    end = verdict.end
-    if end is None:
-        return f"was not judged: {off_at(end, scale)}"
-    if verdict.localized is not None and verdict.localized > verdict.first:
-        right = "right" if end.correct else "too far off" if end.lost else "neither right nor lost"
-        return (
-            f"was localized from step {verdict.localized} on, and {right} at the end ({off_at(end, scale)})"
-        )
-    how = f"right at {verdict.every_step}" if not verdict.off else f"never lost{_beyond(verdict)}"
-    most = f"{scale.say(verdict.error_most_m or 0.0)} at most (step {verdict.most_at})"
-    return f"was {how}: {scale.say(verdict.error_mean_m or 0.0)} off on average, {most}"
-
-
-def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
-    """Return what can be said of a run that no truth judges, as a clause."""
-    share = f"{verdict.converged_share:.0%}"
-    text = f"the cloud was converged at {share} of the steps, and there is no truth to judge it by"
-    if verdict.failures:
-        first, more = verdict.failures[0], len(verdict.failures) - 1
-        times = f", and {more} more time{'s' * (more > 1)}" if more else ""
-        text += f"; it was {first.episode.account}{times}: {say_cause(first, scale)}"
-    if any(incident.alike for incident in verdict.incidents):
-        text = f"{text}; in the dark all reference pictures score alike"
-    before = _before(verdict, scale)
-    return f"{text}; {before}" if before else text
-
-
-def _before(verdict: RunVerdict, scale: Scale) -> str:
-    """Return which two places shared the weight before the run was localized; empty if none."""
-    return "" if verdict.telling is None else _divided(verdict.telling, scale)
 
 
 def _listed(steps: Sequence[int]) -> str:

@@ -9,7 +9,7 @@ import pytest
 import maurice_viz as mv
 from maurice_datasets.sessions import simulate
 from maurice_viz.style import UNITS, Scale
-from maurice_viz.text.verdict import verdict_line
+from maurice_viz.text.verdict import account, headline
 
 INCHES = Scale(UNITS["in"])
 pytestmark = pytest.mark.slow  # five drives and a survey are rendered
@@ -23,14 +23,15 @@ def judged(tmp_path_factory):
         paths = simulate(task, to=folder / f"{task}-{seed}", seed=seed, updates=updates, **more)
         scores = mv.replay(paths.session, preset=preset, particles=particles, feature=feature)
         verdicts = {run.label: run.verdict for run in scores.runs}
-        return verdict_line(verdicts, INCHES), next(iter(verdicts.values()))
+        text = " ".join([headline(verdicts, INCHES), *account(verdicts, INCHES)])
+        return text, next(iter(verdicts.values()))
 
     return of
 
 
 def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
     line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
-    assert re.search(r"kidnapped at step 13 .*[\d.]+ in.*odometry.*no particle near", line)
+    assert re.search(r"kidnapped at step 13 .*[\d.]+ in.*odometry", line)
     assert verdict.decisive == 13
 
 
@@ -51,12 +52,12 @@ def test_two_places_that_look_alike_are_told_with_their_shares(judged):
     line, verdict = judged("global", 6, 14, "robust", 600, feature="edges")
     assert re.search(r"looked alike at step 3: \d+% .*\d+% .*0.8\d and 0.8\d.*0.\d\d", line)
     assert "truth is in the second" in line
-    assert "localized from step 9" in line
+    assert "found itself (at step 9" in line
     assert verdict.decisive == 3
 
 
 def test_sure_and_wrong_says_how_far_off_and_what_became_of_the_particles_at_the_truth(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
-    assert re.search(r"never localized, sure of a wrong place: at step \d+, \d+% .*[\d.]+ in", line)
+    assert re.search(r"never localized, sure of a wrong place.*: at step \d+, \d+% .*[\d.]+ in", line)
     assert re.search(r"beyond the motion model at step 8 on carpet .*3.9 sigma of its turn", line)
     assert verdict.decisive == verdict.sure_and_wrong.step

@@ -27,7 +27,7 @@ from maurice_viz.running.saved import open_saved
 from maurice_viz.running.saved_steps import Collected, Pictures, collect
 from maurice_viz.style import STATES, Scale, packed, units_named
 from maurice_viz.text.summary import short_rows
-from maurice_viz.text.tour import headline
+from maurice_viz.text.verdict import headline
 
 UPDATES = 30
 

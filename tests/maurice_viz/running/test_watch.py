@@ -21,7 +21,7 @@ from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.standing import PROBABLY_LOCALIZED, Standing, StandingFinder
 from maurice_viz.errors import OptionError
 from maurice_viz.running.watch import KEEPS_UP, MEASURED_STEPS, LossCommand, Watch, WriteRate
-from maurice_viz.text.tour import now_line
+from maurice_viz.text.verdict import now_line
 
 
 class Heard:

@@ -12,7 +12,7 @@ from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_viz.style import UNITS, Scale
-from maurice_viz.text.tour import TWO_LINES, headline
+from maurice_viz.text.verdict import TWO_LINES, headline
 
 INCHES = Scale(UNITS["in"])
 OFF, NEAR = StepScore(2.0, 0.1, True, False, True), StepScore(0.05, 0.1, True, True, False)
