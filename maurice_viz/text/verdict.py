@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import UNKNOWN
+from maurice_mcl.reasons.causes import BEFALLING, UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import SEARCHING, Episode
 from maurice_mcl.scoring.metrics import StepScore
@@ -215,7 +215,9 @@ def off_at(end: StepScore | None, scale: Scale) -> str:
 
 def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
     """Return what happened, a sentence each: to the robot, then how and why each run was wrong."""
-    incidents = dict.fromkeys(i for verdict in verdicts.values() for i in verdict.telling_incidents)
+    runs = verdicts.values()
+    named = {failure.first for run in runs for failure in run.failures if failure.kind in BEFALLING}
+    incidents = dict.fromkeys(i for run in runs for i in run.telling_incidents if i.step not in named)
     lines = [f"{capital(say_incident(incident, scale))}." for incident in incidents]
     for label, verdict in verdicts.items():
         name = f"`{label}`: " if len(verdicts) > 1 else ""

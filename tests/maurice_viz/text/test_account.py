@@ -168,10 +168,10 @@ def _check_end(text: str, result: RunResult) -> None:
     [
         (
             "r" * 9 + "k" + "o" * 2 + "O" * 6,
-            "Wrong from step 10, noticed without truth at step 12, declared lost at step 13, not localized again",
+            "noticed without truth at step 12, declared lost at step 13, not localized again",
         ),
         ("r" * 9 + "koF" + "r" * 6, "Kidnapped at step 10: the filter found itself again (at step 11"),
-        ("s" * 8 + "r" * 7, "The filter found itself (at step 9"),
+        ("s" * 8 + "r" * 7, "the filter found itself (at step 9"),
         ("r" * 12, "right at every step"),
     ],
 )

@@ -62,7 +62,7 @@ def unknown(*episodes):
         (BACK, [["Kidnapped", "step 61"]]),
         (
             replace(SURE, failures=unknown(STAYS)),
-            [["Kidnapped", "step 61"], [*HOW, "not localized again", "not known"]],
+            [["Kidnapped", "step 61"], [*HOW, "not localized again", "not explained"]],
         ),
         (
             wrong(*TWICE, left_map=(77, 78), failures=unknown(*TWICE)),
@@ -94,7 +94,7 @@ def test_each_event_has_a_sentence(verdict, sentences):
 def test_what_befell_the_robot_is_told_once_and_what_a_run_did_by_its_name():
     twins = replace(GOOD, failures=unknown(STAYS), incidents=SURE.incidents)
     lines = account({"a": twins, "b": replace(GOOD, incidents=SURE.incidents)}, INCHES)
-    assert [line[:4] for line in lines] == ["Kidn", "`a`:"]
+    assert [line[:4] for line in lines] == ["The ", "`a`:"]
 
 
 def test_a_sure_run_lacks_particles_only_where_it_did_at_that_step():
