@@ -231,7 +231,7 @@ def printed(json_output: bool, *, all_rows: bool = False) -> Report:
                 results.say(line)
             results.print(to_table(scores.runs, units, scores.name, results, all_rows=all_rows))
             if not all_rows:
-                note("--all prints the whole verdict and table")
+                note("--all prints how and why runs were wrong, and the whole table")
 
     return report
 

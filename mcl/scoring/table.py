@@ -35,6 +35,11 @@ class RunTable:
 
     The first columns are those of the drive, the others those of the run. What scores mean by right, lost
     and converged is computed from them (docs/evaluation.md).
+
+        >>> import maurice_mcl as mcl
+        >>> table = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+        >>> bool((table.error_m < table.radii.right_m).all())
+        True
     """
 
     seed: int

@@ -118,7 +118,7 @@ def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
     """A disk may be slow, and then somebody loses patience."""
     monkeypatch.chdir(tmp_path)
 
-    def impatient(part: Path, problem: object) -> None:
+    def impatient(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sinks, "_check_written", impatient)

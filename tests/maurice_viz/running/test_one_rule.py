@@ -129,7 +129,7 @@ def of_json(run: RunResult, shown: Shown) -> dict[str, Any]:
 
 def test_the_lane_shows_the_states_that_are_counted_and_the_episodes(shown: Shown) -> None:
     for number, run in enumerate(shown.scores.runs):
-        lane, verdict, states = shown.lane(number), run.verdict, shown.collected.tracks[number].states
+        lane, verdict, states = shown.lane(number), run.verdict, shown.collected.tracks[number].table.states
         failed = {s for f in verdict.failures for s in range(f.episode.first, f.episode.last + 1)}
         for (color, step, word), state in zip(lane, states, strict=True):
             red = state in (LOST, PROBABLY_LOST) or (not verdict.has_truth and step in failed)
@@ -152,7 +152,7 @@ def test_the_lane_shows_the_states_that_are_counted_and_the_episodes(shown: Show
 def test_lost_or_not_and_from_which_step_is_one_fact(shown: Shown) -> None:
     for number, run in enumerate(shown.scores.runs):
         verdict, facts, cells = run.verdict, of_json(run, shown), written(run, shown)
-        states, events = shown.collected.tracks[number].states, shown.collected.tracks[number].events
+        states, events = shown.collected.tracks[number].table.states, shown.collected.tracks[number].events
         declared = [episode.lost for episode in verdict.episodes if episode.lost is not None]
         assert facts["lost_at_step"] == (declared[0] if declared else None)
         assert [event.step for event in events if event.kind == LOST] == declared
@@ -196,7 +196,7 @@ def test_words_of_the_headline_hold_of_the_lane(shown: Shown) -> None:
         for label in re.findall(r"`(\w+)`", sentence.split("(")[0])
     }
     for number, run in enumerate(shown.scores.runs):
-        said, verdict, states = sentences[run.label], run.verdict, shown.collected.tracks[number].states
+        said, verdict, states = sentences[run.label], run.verdict, shown.collected.tracks[number].table.states
         share = states.count(LOCALIZED) / len(states)
         if "never lost" in said or ("right at every step" in said and "sure of it" not in said):
             assert share >= 0.5
