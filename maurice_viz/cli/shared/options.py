@@ -203,7 +203,7 @@ MapUnit = Annotated[
 Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
 AllRows = Annotated[
     bool,
-    option("--all", "Print how and why each run was wrong, and all rows of the table of scores.", OUTPUT),
+    option("--all", "Print how and why each run was wrong, and the whole table of scores.", OUTPUT),
 ]
 Json = Annotated[bool, option("--json", "Print JSON instead of a table.", OUTPUT)]
 Layout = Annotated[
