@@ -134,10 +134,14 @@ class RecordedSession(HasReadingNotes):
         if not self.observed.pictures:
             return []
         updates, pictures = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
-        for update in islice(updates, most):
+        motions = list[F64]()
+        for step, update in enumerate(islice(updates, most), start=1):
             updates.used(update)
+            motions.append(updates.moment(update, step, NO_PICTURE).frame.motions)
             if update.truth is not None:
-                pictures.append(DrivePicture(_reader(update.aligned.picture), update.truth))
+                since = np.concatenate(motions)
+                pictures.append(DrivePicture(_reader(update.aligned.picture), update.truth, since))
+                motions = []
         return pictures
 
     def count_pictures(self) -> int:

@@ -133,7 +133,7 @@ class BranchPoint:
     library: Library
     localizer: Localizer  # the run's own
     reference: NearestReference  # of the library's own map
-    pictures: Callable[[], list[list[DrivePicture]]]  # some of the drive whose true poses are known
+    pictures: Callable[[], Sequence[DrivePicture]]  # some of the drive whose true poses are known
 
     @property
     def restored(self) -> Restored:

@@ -14,36 +14,34 @@ import numpy as np
 
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.session import RecordedSession
-from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import STRATEGIES
-from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive, spread_groups
+from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive
 from maurice_mcl.sensor.map_places import reference_of
-from maurice_mcl.values import F64, Library
-
-from ..text.library import say_drive
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.values import F64, Domain, Library, stream
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
+MOVED_ALONE = 200  # particles that show how far a filter gets without pictures
 SAME_POSE = 2e-3  # meters and radians between a picture and the reference that it became
 SCALE_KEYS = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
 
 
-def drive_pictures(session: RecordedSession) -> list[list[DrivePicture]]:
-    """Return groups of pictures in a row, spread over a drive, whose true poses are known.
+def drive_pictures(session: RecordedSession) -> list[DrivePicture]:
+    """Return the pictures of a drive's beginning whose true poses are known, in order.
 
     None where odometry is made from the pictures: reading it would take as long as the drive.
     """
-    pictures = [] if session.options.odometry_from_pictures else session.known_pictures(MOST_UPDATES)
-    return [[pictures[k] for k in group] for group in spread_groups(len(pictures))]
+    return [] if session.options.odometry_from_pictures else session.known_pictures(MOST_UPDATES)
 
 
-def score_of(localizer: Localizer, groups: Sequence[Sequence[DrivePicture]]) -> DriveScore | None:
-    """Score a drive's pictures by a filter's channels; None for a filter without any, or no known pose."""
-    sensor = localizer.sensor
-    if not sensor.weights or sensor.parameters.sharpness == 0 or not groups:
+def score_of(sensor: SensorModel, right_m: float, pictures: Sequence[DrivePicture]) -> DriveScore | None:
+    """Score a drive's pictures by a sensor's channels; None for one without any, or no known pose."""
+    if not sensor.weights or sensor.parameters.sharpness == 0 or not pictures:
         return None
-    score = score_drive(sensor, groups, localizer.radii.right_m, known_descriptors())
+    score = score_drive(sensor, pictures, right_m, known_descriptors())
     return score if score.pictures else None
 
 
@@ -51,13 +49,9 @@ def score_feature(library: Library, weights: Mapping[str, float], session: Recor
     """Score a drive's pictures that are not references themselves by a feature over a library."""
     reference = reference_of(library)
     configuration = configure([Layer("feature", {"sensor.weights": dict(weights)})])
-    parameters = adapted(configuration, library, reference)[0].parameters
-    localizer = build_localizer(library, None, parameters, reference=reference)
-    groups = [
-        [picture for picture in group if not _is_in(library, picture.truth)]
-        for group in drive_pictures(session)
-    ]
-    score = score_of(localizer, [group for group in groups if group])
+    localizer = build_localizer(library, None, configuration.parameters, reference=reference)
+    pictures = [picture for picture in drive_pictures(session) if not _is_in(library, picture.truth)]
+    score = score_of(localizer.sensor, localizer.radii.right_m, pictures)
     return DriveScore(0, np.nan) if score is None else score
 
 
@@ -66,45 +60,69 @@ def _is_in(library: Library, pose: F64) -> bool:
 
 
 def suited(
-    configuration: Configuration,
+    asked: Configuration,
+    scaled: Configuration,
     localizer: Localizer,
     start: F64 | None,
-    groups: Sequence[Sequence[DrivePicture]],
-) -> tuple[Configuration, Localizer, tuple[str, ...]]:
-    """Widen a filter's scales where a drive's pictures mislead it; return what to say, too.
+    pictures: Sequence[DrivePicture],
+) -> tuple[Configuration, Localizer, DriveScore | None]:
+    """Let a drive's pictures decide the scales of a filter, in place of the library's own; return the score.
 
-    Only where nobody has chosen them, for likelihoods that have scales, and for a known start: a search for
-    the robot needs what a picture says about places far away, which this does not judge.
+    `asked` is the configuration before the library widened it to `scaled`, of which the filter was built.
+    That is done only where nobody has chosen the scales, for likelihoods that have some, and for a known
+    start: a search for the robot needs what a picture says about places far away, which this does not judge.
+    Pictures that mislead are not used at all where the filter stays right without them.
     """
-    score = score_of(localizer, groups)
-    if score is None or (score.widening == 1 and not score.is_bad):
-        return configuration, localizer, ()
-    sensor = localizer.sensor.parameters
-    ours = ("default", "preset", "library")
-    chosen = any(
-        setting.key in SCALE_KEYS and not setting.origin.startswith(ours)
-        for setting in configuration.settings
-    )
-    has_scales = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
-    changes = has_scales and not chosen and start is not None
-    text = tuple(say_drive(localizer.library.name, localizer.sensor.weights, score, changed=changes))
-    if not changes:
-        return configuration, localizer, text
-    scales = {name: scale * score.widening for name, scale in sensor.scales.items()}
-    values: dict[str, Any] = {"sensor.widening": sensor.widening * score.widening, "sensor.scales": scales}
-    widened = replace(sensor, widening=values["sensor.widening"], scales=scales)
-    recovery = configuration.parameters.recovery
+    ours = asked.parameters.sensor
+    score = score_of(replace(localizer.sensor, parameters=ours), localizer.radii.right_m, pictures)
+    if score is None or start is None or not (score.concludes and _may_change(asked)):
+        return scaled, localizer, score
+    if score.widening > 1 and error_without_m(localizer, start, pictures) <= localizer.radii.right_m:
+        score = score.muted
+    if score.widening == 1 and scaled.parameters.sensor == ours:
+        return scaled, localizer, score
+    scales = {name: scale * score.widening for name, scale in ours.scales.items()}
+    widened = replace(ours, widening=ours.widening * score.widening, scales=scales)
+    values: dict[str, Any] = {"sensor.widening": widened.widening, "sensor.scales": scales}
+    recovery = asked.parameters.recovery
+    localizer = replace(localizer, sensor=replace(localizer.sensor, parameters=widened))
     if not score.tells and not localizer.sensor.sensors:  # what says nothing calls no particle elsewhere
         recovery = replace(recovery, strategy="none")
         values["recovery.strategy"] = recovery.strategy
-    origin = "the drive's pictures"
-    settings = tuple(
-        Setting(setting.key, values[setting.key], origin) if setting.key in values else setting
-        for setting in configuration.settings
-    )
-    parameters = replace(configuration.parameters, sensor=widened, recovery=recovery)
-    localizer = replace(localizer, sensor=replace(localizer.sensor, parameters=widened))
-    if recovery.strategy == "none":
         step = replace(localizer.recovery, strategy=STRATEGIES["none"](recovery))
         localizer = replace(localizer, recovery=step, mixture=None)
-    return replace(configuration, parameters=parameters, settings=settings), localizer, text
+    settings = tuple(
+        Setting(setting.key, values[setting.key], "the drive's pictures")
+        if values.get(setting.key, setting.value) != setting.value
+        else setting
+        for setting in asked.settings
+    )
+    parameters = replace(asked.parameters, sensor=widened, recovery=recovery)
+    return replace(asked, parameters=parameters, settings=settings), localizer, score
+
+
+def error_without_m(localizer: Localizer, start: F64, pictures: Sequence[DrivePicture]) -> float:
+    """Return the mean error in meters of a filter that goes by its movements alone; infinite without a model.
+
+    Where it stays right, pictures whose likelihood is no good cannot better it: they pull it to references.
+    """
+    if localizer.motion is None:
+        return np.inf
+    origin, rng = localizer.library.origin, stream(Domain.COMPARE, 0)
+    poses = np.tile(start - [*origin, 0.0], (MOVED_ALONE, 1)).astype(np.float32)
+    off_m = list[float]()
+    for picture in pictures:
+        for motion in picture.motions:
+            noise = rng.standard_normal(poses.shape, np.float32)
+            poses = localizer.motion.move(poses, origin, motion, noise)
+        off_m.append(float(np.hypot(*(poses[:, :2].mean(axis=0) + origin - picture.truth[:2]))))
+    return float(np.mean(off_m))
+
+
+def _may_change(asked: Configuration) -> bool:
+    """Whether a filter's likelihood has scales, and nobody has chosen them."""
+    sensor, ours = asked.parameters.sensor, ("default", "preset")
+    chosen = any(
+        setting.key in SCALE_KEYS and not setting.origin.startswith(ours) for setting in asked.settings
+    )
+    return (sensor.blend, sensor.likelihood) == ("calibrated", "exponential") and not chosen

@@ -37,7 +37,7 @@ from ..errors import SILENT, Listener, OptionError, once, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.findings import brief
-from ..text.library import say_places
+from ..text.library import say_drive, say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec, Start
 
@@ -237,7 +237,7 @@ def fitted(
     session: SourcedSession,
     reference: NearestReference,
     start: F64 | None,
-    pictures: Callable[[], Sequence[Sequence[DrivePicture]]],
+    pictures: Callable[[], Sequence[DrivePicture]],
     warn: Callable[[str], None],
     *,
     seed: int,
@@ -253,19 +253,21 @@ def fitted(
     for name in missing:
         warn(f"the library {library.name!r} holds no {name}: the other channels are used alone")
     scaled, places = adapted(usable, library, reference)
-    for text in say_places(library.name, usable.parameters.sensor.weights, places):
-        warn(text)
     localizer = build_localizer(
         library, session, scaled.parameters, reference=reference, seed=seed, radii=radii
     )
-    groups = pictures() if localizer.sensor.weights else []
-    suiting, localizer, texts = suited(scaled, localizer, start, groups)
-    for text in texts:
+    drive = pictures() if localizer.sensor.weights else []
+    suiting, localizer, score = suited(usable, scaled, localizer, start, drive)
+    decides = suiting is not scaled
+    channels = usable.parameters.sensor.weights
+    for text in () if decides else say_places(library.name, channels, places):
+        warn(text)
+    for text in say_drive(library.name, localizer.sensor.weights, score, places if decides else None):
         warn(text)
     return suiting, localizer
 
 
-def _pictures_of(session: SourcedSession) -> list[list[DrivePicture]]:
+def _pictures_of(session: SourcedSession) -> list[DrivePicture]:
     """Return pictures of a drive whose true poses are known; none of a live one."""
     return drive_pictures(session) if isinstance(session, RecordedSession) else []
 

@@ -48,24 +48,39 @@ def drive_score_of(score: DriveScore) -> str:
 
 
 def say_drive(
-    name: str, channels: Iterable[str], score: DriveScore, *, changed: bool = False
+    name: str, channels: Iterable[str], score: DriveScore | None, places: PlaceScore | None = None
 ) -> Iterator[str]:
-    """Yield what the user of a library should know about a drive through it; nothing if they agree."""
-    if score.widening == 1 and not score.is_bad:
+    """Yield what the user of a library should know about a drive through it; nothing if they agree.
+
+    `places` is what the library's own pictures say, where the drive's decide the scales in their place.
+    """
+    if score is None:
         return
-    by = ", ".join(channels)
-    if score.is_bad:
+    by, keep = ", ".join(channels), "--set sensor.widening=1 keeps them"
+    if score.widening == 1:
+        if places is not None:
+            why = "as the drive's pictures fit them at their true poses"
+            else_ = f"by its own pictures alone they would be {_of_places(places)}"
+            yield f"{name}: the scales stay as they are, {why} ({by}); {else_}"
+        return
+    if not score.tells:
         worth = "are worse than none" if max(score.gain, score.far_gain) < 0 else "add next to nothing"
         text = f"{name}: the drive's pictures {worth} at their true poses ({by}: {drive_score_of(score)})"
     else:
-        times = f"{math.exp(score.far_gain):.2g} times as likely as other places"
         text = (
-            f"{name}: the drive's pictures tell the place (the true one is {times}), but are too sure near it"
+            f"{name}: the drive's pictures tell the place, but together those of one place are too sure "
+            f"({by}: {drive_score_of(score)})"
         )
-        text += f" ({by}: {drive_score_of(score)})"
-    if not changed:
+    if places is None:
         yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
-        return
-    keep = "--set sensor.widening=1 keeps them"
-    how = "" if score.tells else ", so that the camera counts for little"
-    yield f"{text}; the scales are widened by {score.widening:g}{how}; {keep}"
+    elif score.tells:
+        yield f"{text}; the scales are widened by {score.widening:g}; {keep}"
+    else:
+        yield f"{text}; the camera is not used (the scales are widened by {score.widening:g}); {keep}"
+
+
+def _of_places(places: PlaceScore) -> str:
+    """Return what a library's own pictures would do to the scales."""
+    if places.widening != 1:
+        return f"widened by {places.widening:g}"
+    return ", ".join(f"{channel} x {factor:g}" for channel, factor in places.stretched.items())

@@ -7,8 +7,8 @@ one is more similar than its neighbors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import cv2
@@ -230,20 +230,20 @@ def _ambiguity(place_of: I32, cost: F64) -> float:
 
 # A drive whose true poses are known: how well the library explains its pictures.
 #
-# The gain of a picture is the log of its likelihood at the truth over its mean likelihood at other poses:
-# what it adds, in nats, to knowing the pose as well as these are spread. Zero is knowing nothing, and below
-# zero it misleads. The poses are around the truth, within one, three and ten times the radius *right*, and
-# the library's own: along a path of references a picture tells little nearby, and much farther out. A
-# library's own pictures cannot show this: they are compared with each other, and those of one survey err
-# alike. Neighboring pictures of a drive err together, too, so that scales are fitted on groups of them, each
-# as one observation.
+# The gain is the log of the likelihood at the truth over its mean at other poses: what pictures add, in nats,
+# to knowing the pose as well as these are spread. Zero is knowing nothing, and below zero they mislead. The
+# poses are around the truth, within one, three and ten times the radius *right*, and the library's own: along
+# a path of references a picture tells little nearby, and much farther out. A library's own pictures cannot
+# show this: they are compared with each other, and those of one survey err alike. So do the pictures that a
+# robot takes in a row at one place, which a filter multiplies: together they are one observation.
 
-PICTURES_A_GROUP, MOST_GROUPS = 4, 16  # pictures in a row, and how many times that over a drive
+PICTURES_A_PLACE, MOST_PICTURES = 4, 64  # read at one place, and of a whole drive
 LEAST_PICTURES = 24  # of known place in free space, below which nothing is concluded
 COMPARED_POSES = 256  # poses that the truth is compared with, of each spread
 SPREADS = (1.0, 3.0, 10.0)  # of them, times the radius *right*; then come the library's own poses
-HEADING_SD_RAD = float(np.radians(20))  # of the poses around the truth
+HEADING_SD_RAD = float(np.radians(20))  # of the poses around the truth, and the turn that leaves a place
 LEAST_GAIN_NATS = 0.05  # nats a picture, below which a sensor is not worth what it misleads
+MUTED = 1e4  # a widening by which a likelihood says nothing, however many pictures are multiplied
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,6 +252,7 @@ class DrivePicture:
 
     read: Callable[[], U8 | None]  # (H, W, 3) RGB; None: it cannot be read
     truth: F64  # (3,) in the map's frame
+    motions: F64 = field(default_factory=lambda: np.empty((0, 3)))  # (M, 3) since the one before
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,72 +261,117 @@ class DriveScore:
 
     pictures: int  # that were compared, of known place in free space
     gain: float  # mean nats per picture over knowing the pose to within the radius *right*; nan without any
-    far_gain: float = np.nan  # the most over knowing it less well, down to not at all; nan: not asked
+    far_gain: float = np.nan  # the most over knowing it less well, down to not at all; nan without any
     widening: float = 1.0  # of the likelihood, so that it does not mislead; 1: it does not
-    tells: bool = True  # whether it is worth using with that widening; if not, it is the largest: no use
+    tells: bool = True  # whether it is worth using with that widening; if not, it is `MUTED`
 
     @property
-    def is_bad(self) -> bool:
-        """Whether enough pictures were compared to say that they tell nothing, neither near nor far."""
-        worth = np.fmax(self.gain, self.far_gain)
-        return self.pictures >= LEAST_PICTURES and bool(worth < LEAST_GAIN_NATS)
+    def muted(self) -> DriveScore:
+        """The score of a camera that is not worth using."""
+        return replace(self, widening=MUTED, tells=False)
+
+    @property
+    def concludes(self) -> bool:
+        """Whether enough pictures were compared to say anything."""
+        return self.pictures >= LEAST_PICTURES
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
         gains = {name: getattr(self, name) for name in ("gain", "far_gain")}
         known = {name: gain if np.isfinite(gain) else None for name, gain in gains.items()}
-        return asdict(self) | known | {"is_bad": self.is_bad}
+        return asdict(self) | known | {"is_bad": not self.tells}
 
 
-def spread_groups(count: int) -> list[list[int]]:
-    """Return the numbers, from 0, of some runs of pictures in a row, spread over `count`."""
-    size, groups = PICTURES_A_GROUP, min(MOST_GROUPS, -(-count // PICTURES_A_GROUP))
-    firsts = np.linspace(0, max(count - size, 0), groups).round().astype(int)
-    return [list(range(first, min(first + size, count))) for first in firsts.tolist() if first < count]
+def stays(poses: F64, right_m: float) -> list[range]:
+    """Divide true poses (n, 3) of a drive into stays, each within a radius and a turn of where it began."""
+    found, first = list[range](), 0
+    for k, pose in enumerate(poses):
+        away, turned = pose[:2] - poses[first, :2], abs(wrap_angle(pose[2] - poses[first, 2]))
+        if np.hypot(*away) > right_m or turned > HEADING_SD_RAD:
+            found.append(range(first, k))
+            first = k
+    return [*found, range(first, len(poses))] if len(poses) else []
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stay:
+    """Some pictures of a stay at one place, compared."""
+
+    rows: F64  # (T, N) log-likelihoods, at the truth first
+    pictures: int  # of the stay, compared or not
+
+    def gains(self, widening: float = 1.0) -> F64:
+        """Return the gain (S,) by spread of all its pictures together, as one observation."""
+        return _gains(self.rows.mean(axis=0) * (self.pictures / widening))
 
 
 def score_drive(
     sensor: SensorModel,
-    groups: Sequence[Sequence[DrivePicture]],
+    pictures: Sequence[DrivePicture],
     right_m: float,
     known: KnownDescriptors | None = None,
 ) -> DriveScore:
-    """Score groups of pictures in a row of a drive, by a sensor's channels.
+    """Score the pictures of a drive, in order, by a sensor's channels.
 
-    One picture of each group is enough where they agree with the library; otherwise all are compared.
+    A few places are enough where all agree with the library; otherwise more are compared.
     """
-    offsets = _offsets(right_m)
+    offsets, compared = _offsets(right_m), dict[range, _Stay | None]()
 
-    def rows_of(pictures: Iterable[DrivePicture]) -> F64:
-        rows = [_log_likelihoods(sensor, picture, offsets, known) for picture in pictures]
-        return np.array([row for row in rows if row is not None and np.isfinite(row[0])])
+    def compare(stay: range) -> _Stay | None:
+        rows = [_log_likelihoods(sensor, pictures[k], offsets, known) for k in _some(stay, PICTURES_A_PLACE)]
+        inside = [row for row in rows if row is not None and np.isfinite(row[0])]
+        return _Stay(np.array(inside), len(stay)) if inside else None
 
-    quick = rows_of(group[0] for group in groups)
-    if (
-        len(quick) >= min(len(groups), MOST_GROUPS) / 2
-        and (gain := _mean_gains([quick])[0]) >= LEAST_GAIN_NATS
-    ):
-        return DriveScore(len(quick), float(gain))
-    rows = [group for group in map(rows_of, groups) if len(group)]
-    pictures = sum(map(len, rows))
-    if not pictures:
-        return DriveScore(0, np.nan)
-    near, *far = _mean_gains(rows).tolist()
-    score = DriveScore(pictures, near, max(far))
-    if pictures < LEAST_PICTURES or near >= LEAST_GAIN_NATS:
+    def at(some: Sequence[range]) -> list[_Stay]:
+        compared.update((stay, compare(stay)) for stay in some if stay not in compared)
+        return [found for stay in some if (found := compared[stay]) is not None]
+
+    chosen = _chosen(stays(np.array([picture.truth for picture in pictures]), right_m))
+    quick = at(_some(chosen, LEAST_PICTURES))
+    if quick and (score := _score(quick)).concludes and _surely_gain(quick):
         return score
-    gains = np.array(
-        [np.mean([_gains(group.sum(axis=0) / k) for group in rows], axis=0) for k in WIDENINGS.tolist()]
-    )  # (K, S)
+    every = at(chosen)
+    if not every:
+        return DriveScore(0, np.nan)
+    score = _score(every)
+    if not score.concludes or _gain_of(every).min() >= LEAST_GAIN_NATS:
+        return score
+    gains = np.array([_gain_of(every, k) for k in WIDENINGS.tolist()])  # (K, S)
     best = int(gains.mean(axis=1).argmax())
-    tells = best < len(gains) - 1 and bool(gains[best].max() >= LEAST_GAIN_NATS * PICTURES_A_GROUP)
-    return replace(score, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
+    least = LEAST_GAIN_NATS * float(np.mean([stay.pictures for stay in every]))
+    tells = best < len(gains) - 1 and bool(gains[best].max() >= least)
+    return replace(score, widening=float(f"{WIDENINGS[best]:.3g}")) if tells else score.muted
 
 
-def _mean_gains(groups: Sequence[F64]) -> F64:
-    """Return the mean gain (S,) by spread of pictures (T, N) of several groups, each group counted alike."""
-    by_group = [np.mean([_gains(row) for row in group], axis=0) for group in groups]
-    return np.asarray(np.mean(by_group, axis=0), np.float64)
+def _chosen(every: Sequence[range]) -> Sequence[range]:
+    """Return as many stays, evenly spread, as hold no more pictures than are compared."""
+    each = sum(min(len(stay), PICTURES_A_PLACE) for stay in every) / max(len(every), 1)
+    return _some(every, int(MOST_PICTURES / max(each, 1)))
+
+
+def _some(values: Sequence[Any], most: int) -> list[Any]:
+    """Return at most so many values, evenly spread."""
+    count = min(most, len(values))
+    return [values[k] for k in np.linspace(0, len(values) - 1, count).round().astype(int).tolist()]
+
+
+def _gain_of(some: Sequence[_Stay], widening: float = 1.0) -> F64:
+    """Return the mean gain (S,) by spread of stays, each as one observation."""
+    return np.asarray(np.mean([stay.gains(widening) for stay in some], axis=0), np.float64)
+
+
+def _surely_gain(some: Sequence[_Stay]) -> bool:
+    """Whether stays gain enough over every spread, by a standard error more than that."""
+    gains = np.array([stay.gains() for stay in some])
+    error = gains.std(axis=0) / np.sqrt(len(gains))
+    return bool((gains.mean(axis=0) - error).min() >= LEAST_GAIN_NATS)
+
+
+def _score(some: Sequence[_Stay]) -> DriveScore:
+    """Return what single pictures of some stays gain; each stay counts alike."""
+    gains = [np.mean([_gains(row) for row in stay.rows], axis=0) for stay in some]
+    near, *far = np.mean(gains, axis=0).tolist()
+    return DriveScore(sum(len(stay.rows) for stay in some), near, max(far))
 
 
 def _offsets(right_m: float) -> F64:

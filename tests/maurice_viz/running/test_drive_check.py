@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,9 +17,10 @@ import pytest
 import maurice_mcl as mcl
 from helpers.commands import maurice
 from maurice_mcl.config.build import adapted, build_localizer
-from maurice_mcl.config.parameters import PRESETS, Layer, configure
+from maurice_mcl.config.parameters import ALPHAS, PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
-from maurice_mcl.library.quality import DrivePicture, spread_groups
+from maurice_mcl.library.left_out import PlaceScore
+from maurice_mcl.library.quality import MUTED, DrivePicture
 from maurice_mcl.scoring.comparison import DeadReckoning
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import nearest_reference
@@ -26,44 +29,85 @@ from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 from maurice_viz.running.drive_check import suited
+from maurice_viz.text.library import say_drive
 
 START = np.array([0.4, 0.9, 0.2])
 
 
-def _groups(off):
-    """See the pictures of other poses."""
+def _driven(off, motion=(0.1, 0.0, 0.0)):
+    """See the pictures of other poses, and move by odometry that soon errs."""
     poses = np.column_stack([np.linspace(0.3, 0.9, 32), np.linspace(1.3, 0.8, 32), np.linspace(-3, 3, 32)])
-    pictures = [DrivePicture(lambda pose=pose: picture_at(pose + off), pose) for pose in poses]
-    return [pictures[k : k + 4] for k in range(0, 32, 4)]
+    moved = np.array([motion])
+    return [DrivePicture(lambda pose=pose: picture_at(pose + off), pose, moved) for pose in poses]
 
 
-def _suited(off, start=START, preset=None, settings=None):
+def _suited(off, start=START, preset=None, settings=None, library=None, pictures=None):
+    """Return the asked and the suited configuration, the filter before and after, and the score."""
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
-    configuration = configure([*layers, Layer("settings", settings or {})])
-    localizer = build_localizer(mcl.tiny_library(), None, configuration.parameters)
-    return configuration, localizer, *suited(configuration, localizer, start, _groups(np.array(off)))
+    asked = configure([*layers, Layer("settings", settings or {})])
+    library = mcl.tiny_library() if library is None else library
+    scaled, _ = adapted(asked, library, nearest_reference(library.poses, library.arena))
+    localizer = build_localizer(library, mcl.tiny_session(), scaled.parameters)
+    pictures = _driven(np.array(off)) if pictures is None else pictures
+    return asked, scaled, localizer, *suited(asked, scaled, localizer, start, pictures)
 
 
 WRONG = (0.3, -0.2, 0.8)
 
 
 def test_pictures_that_fit_change_nothing_and_say_nothing():
-    before, localizer, after, same, said = _suited(
-        (0.0, 0.0, 0.0), settings={"sensor.weights": {"tiny": 0.1}}
-    )
-    assert (before is after, localizer is same, said) == (True, True, ())
+    settings = {"sensor.weights": {"tiny": 0.1}}
+    _, scaled, localizer, after, same, score = _suited((0.0, 0.0, 0.0), settings=settings)
+    assert (scaled is after, localizer is same) == (True, True)
+    assert list(say_drive("tiny", ["tiny"], score)) == []
 
 
-def test_pictures_that_mislead_widen_the_scales_of_filter_and_configuration_alike():
-    before, localizer, after, widened, (said,) = _suited(WRONG)
-    ours, its = before.parameters.sensor, after.parameters.sensor
-    assert its.widening > 2 * ours.widening
-    assert widened.sensor.parameters == its
-    assert widened.sensor.references is localizer.sensor.references
-    assert after.values()["sensor.widening"] == its.widening
+def test_pictures_that_mislead_mute_filter_and_configuration_alike():
+    asked, _, localizer, after, muted, score = _suited(WRONG)
+    its = after.parameters.sensor
+    assert not score.tells
+    assert its.widening == MUTED * asked.parameters.sensor.widening
+    assert muted.sensor.parameters == its
+    assert muted.sensor.references is localizer.sensor.references
+    values = after.values()
+    assert (values["sensor.widening"], values["recovery.strategy"]) == (its.widening, "none")
+    (said,) = say_drive("tiny", ["color", "edges"], score, PlaceScore(8, 8, 0.0, -1.0, 1.0))
     assert "worse than none at their true poses (color, edges: " in said
     assert f"widened by {its.widening:g}" in said
     assert "--set sensor.widening=1 keeps them" in said
+
+
+def _sharp(factor):
+    """Return a setting by which likelihoods are sharper, while nobody has chosen scales."""
+    return {"sensor.weights": {"tiny": factor}}
+
+
+def test_the_drive_decides_in_place_of_the_library_and_from_our_own_scales(monkeypatch):
+    """What the library widened is not widened again, and a library that doubts a good camera is overruled."""
+    doubts = PlaceScore(3, 8, -9.0, -1.0, 100.0)
+    monkeypatch.setattr("maurice_mcl.config.build.score_places", lambda table, fit=False: doubts)
+    asked, scaled, _, after, localizer, score = _suited((0.0, 0.0, 0.0), settings=_sharp(0.1))
+    assert scaled.parameters.sensor.widening == 100
+    assert after.parameters.sensor == localizer.sensor.parameters == asked.parameters.sensor
+    (said,) = say_drive("tiny", ["tiny"], score, doubts)
+    assert "the scales stay as they are, as the drive's pictures fit them" in said
+    assert "by its own pictures alone they would be widened by 100" in said
+    asked, _, _, after, _, score = _suited((0.0, 0.0, 0.0), settings=_sharp(30.0))
+    assert 1 < score.widening < 100
+    assert after.parameters.sensor.widening == score.widening
+
+
+def test_pictures_that_mislead_are_not_used_where_odometry_stays_right_without_them():
+    """The same pictures are worth using, at wider scales, where odometry does not."""
+    off, poses = np.zeros(3), [picture.truth for picture in _driven(np.zeros(3))]
+    steps = [np.zeros(3), *(motion_between(a, b) for a, b in itertools.pairwise(poses))]
+    good = [replace(picture, motions=step[None]) for picture, step in zip(_driven(off), steps, strict=True)]
+    settings = _sharp(30.0) | {"motion": {"model": "odometry", **dict.fromkeys(ALPHAS, 0.001)}}
+    *_, score = _suited(off, poses[0], settings=settings, pictures=good)
+    assert (score.tells, score.widening) == (False, MUTED)
+    *_, score = _suited(off, poses[0], settings=settings)
+    assert score.tells
+    assert score.widening < MUTED
 
 
 @pytest.mark.parametrize(
@@ -71,11 +115,10 @@ def test_pictures_that_mislead_widen_the_scales_of_filter_and_configuration_alik
     [{"start": None}, {"settings": {"sensor.widening": 1.0}}, {"preset": "thesis"}],
 )
 def test_a_search_and_what_somebody_chose_stay_as_they_are(how):
-    before, localizer, after, same, said = _suited(WRONG, **how)
-    assert before is after
+    _, scaled, localizer, after, same, score = _suited(WRONG, **how)
+    assert scaled is after
     assert localizer is same
-    assert len(said) <= 1
-    assert all("survey the places that it goes through" in text for text in said)
+    assert all("survey the places that it goes through" in text for text in say_drive("tiny", ["x"], score))
 
 
 def test_library_check_compares_the_pictures_of_a_drive(small_session):
@@ -118,18 +161,17 @@ def test_few_views_at_few_spots_of_a_real_building_are_never_worse_than_odometry
         motions = (motion + sd * rng.standard_normal(3))[None]
         frame = Frame(step, float(step), motions, image, "")
         moments.append(Moment(frame, poses[k]))
-    groups = [
-        [DrivePicture(lambda k=k: moments[k].frame.image, moments[k].truth) for k in group]
-        for group in spread_groups(len(moments))
+    pictures = [
+        DrivePicture(lambda each=each: each.frame.image, each.truth, each.frame.motions) for each in moments
     ]
     configuration = configure([Layer("preset robust", PRESETS["robust"])])
     nearest = nearest_reference(library.poses, library.arena)
-    configuration, _ = adapted(configuration, library, nearest)
+    scaled, _ = adapted(configuration, library, nearest)
     session = SimpleNamespace(info=SessionInfo("olin"))
-    localizer = build_localizer(library, session, configuration.parameters, reference=nearest)
+    localizer = build_localizer(library, session, scaled.parameters, reference=nearest)
     start = moments[0].truth
-    _, widened, said = suited(configuration, localizer, start, groups)
-    assert len(said) == 1
+    _, widened, score = suited(configuration, scaled, localizer, start, pictures)
+    assert score.widening > 1
     reckoning = DeadReckoning.of(widened, start)
     records = mcl.run(widened, SimpleNamespace(info=session.info, moments=lambda: iter(moments)), start)
     for moment, record in records:
