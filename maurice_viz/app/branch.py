@@ -12,7 +12,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration, FilterParameters, Layer, configure
+from maurice_mcl.config.parameters import PRESETS, Configuration, FilterParameters, Layer, configure, defaults
 from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.quality import DrivePicture
@@ -218,7 +218,8 @@ class BranchPoint:
     def _fitted(self) -> tuple[str, ...]:
         """Return the keys that library and drive set in the run, and nobody else: they set them again."""
         saved = self.run.configuration
-        given = {key: value for key, value in saved.values().items() if value is not None}
+        usual = defaults()  # what is as usual is nobody's choice
+        given = {key: value for key, value in saved.values().items() if value not in (None, usual[key])}
         for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
             without = Layer("run", {key: given[key] for key in given if key not in keys})
             asked = configure([without], saved.parameters.sensor.weights)

@@ -14,13 +14,13 @@ import numpy as np
 
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.session import RecordedSession
-from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import STRATEGIES
 from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive
 from maurice_mcl.sensor.map_places import reference_of
-from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.values import F64, Domain, Library, stream
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
@@ -49,9 +49,11 @@ def score_feature(library: Library, weights: Mapping[str, float], session: Recor
     """Score a drive's pictures that are not references themselves by a feature over a library."""
     reference = reference_of(library)
     configuration = configure([Layer("feature", {"sensor.weights": dict(weights)})])
-    localizer = build_localizer(library, None, configuration.parameters, reference=reference)
+    scaled, places = adapted(configuration, library, reference)
+    localizer = build_localizer(library, None, scaled.parameters, reference=reference)
+    ours = _unwidened(localizer.sensor.parameters, 1.0 if places is None else places.widening)
     pictures = [picture for picture in drive_pictures(session) if not _is_in(library, picture.truth)]
-    score = score_of(localizer.sensor, localizer.radii.right_m, pictures)
+    score = score_of(replace(localizer.sensor, parameters=ours), localizer.radii.right_m, pictures)
     return DriveScore(0, np.nan) if score is None else score
 
 
@@ -60,31 +62,29 @@ def _is_in(library: Library, pose: F64) -> bool:
 
 
 def suited(
-    asked: Configuration,
-    scaled: Configuration,
+    configuration: Configuration,
     localizer: Localizer,
+    of_library: float,
     start: F64 | None,
     pictures: Sequence[DrivePicture],
 ) -> tuple[Configuration, Localizer, DriveScore | None]:
-    """Let a drive's pictures decide the scales of a filter, in place of the library's own; return the score.
+    """Let a drive's pictures decide how wide a filter's scales are, in place of the library's own.
 
-    `asked` is the configuration before the library widened it to `scaled`, of which the filter was built.
+    `of_library` is the factor by which the library's own pictures widened them. Also returns the score.
     That is done only where nobody has chosen the scales, for likelihoods that have some, and for a known
     start: a search for the robot needs what a picture says about places far away, which this does not judge.
     Pictures that mislead are not used at all where the filter stays right without them.
     """
-    ours = asked.parameters.sensor
+    ours = _unwidened(configuration.parameters.sensor, of_library)
     score = score_of(replace(localizer.sensor, parameters=ours), localizer.radii.right_m, pictures)
-    if score is None or start is None or not (score.concludes and _may_change(asked)):
-        return scaled, localizer, score
+    if score is None or start is None or not (score.concludes and _may_change(configuration)):
+        return configuration, localizer, score
     if score.widening > 1 and error_without_m(localizer, start, pictures) <= localizer.radii.right_m:
         score = score.muted
-    if score.widening == 1 and scaled.parameters.sensor == ours:
-        return scaled, localizer, score
-    scales = {name: scale * score.widening for name, scale in ours.scales.items()}
-    widened = replace(ours, widening=ours.widening * score.widening, scales=scales)
-    values: dict[str, Any] = {"sensor.widening": widened.widening, "sensor.scales": scales}
-    recovery = asked.parameters.recovery
+    if score.widening == of_library == 1:
+        return configuration, localizer, score
+    widened, recovery = _widened(ours, score.widening), configuration.parameters.recovery
+    values: dict[str, Any] = {"sensor.widening": widened.widening, "sensor.scales": dict(widened.scales)}
     localizer = replace(localizer, sensor=replace(localizer.sensor, parameters=widened))
     if not score.tells and not localizer.sensor.sensors:  # what says nothing calls no particle elsewhere
         recovery = replace(recovery, strategy="none")
@@ -93,12 +93,23 @@ def suited(
         localizer = replace(localizer, recovery=step, mixture=None)
     settings = tuple(
         Setting(setting.key, values[setting.key], "the drive's pictures")
-        if values.get(setting.key, setting.value) != setting.value
+        if setting.key in values
         else setting
-        for setting in asked.settings
+        for setting in configuration.settings
     )
-    parameters = replace(asked.parameters, sensor=widened, recovery=recovery)
-    return replace(asked, parameters=parameters, settings=settings), localizer, score
+    parameters = replace(configuration.parameters, sensor=widened, recovery=recovery)
+    return replace(configuration, parameters=parameters, settings=settings), localizer, score
+
+
+def _widened(sensor: SensorParameters, factor: float) -> SensorParameters:
+    """Return parameters whose scales are all so many times as wide."""
+    scales = {name: scale * factor for name, scale in sensor.scales.items()}
+    return replace(sensor, widening=sensor.widening * factor, scales=scales)
+
+
+def _unwidened(sensor: SensorParameters, of_library: float) -> SensorParameters:
+    """Return parameters as they were before a library widened them by a factor; they had none."""
+    return sensor if of_library == 1 else replace(_widened(sensor, 1 / of_library), widening=1.0)
 
 
 def error_without_m(localizer: Localizer, start: F64, pictures: Sequence[DrivePicture]) -> float:
@@ -119,10 +130,11 @@ def error_without_m(localizer: Localizer, start: F64, pictures: Sequence[DrivePi
     return float(np.mean(off_m))
 
 
-def _may_change(asked: Configuration) -> bool:
+def _may_change(configuration: Configuration) -> bool:
     """Whether a filter's likelihood has scales, and nobody has chosen them."""
-    sensor, ours = asked.parameters.sensor, ("default", "preset")
+    sensor, ours = configuration.parameters.sensor, ("default", "preset", "library")
     chosen = any(
-        setting.key in SCALE_KEYS and not setting.origin.startswith(ours) for setting in asked.settings
+        setting.key in SCALE_KEYS and not setting.origin.startswith(ours)
+        for setting in configuration.settings
     )
     return (sensor.blend, sensor.likelihood) == ("calibrated", "exponential") and not chosen

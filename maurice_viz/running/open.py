@@ -257,12 +257,15 @@ def fitted(
         library, session, scaled.parameters, reference=reference, seed=seed, radii=radii
     )
     drive = pictures() if localizer.sensor.weights else []
-    suiting, localizer, score = suited(usable, scaled, localizer, start, drive)
+    widening = 1.0 if places is None else places.widening
+    suiting, localizer, score = suited(scaled, localizer, widening, start, drive)
     decides = suiting is not scaled
+    if places is not None and decides:  # the drive speaks for how wide the scales are
+        places = replace(places, score=places.blind, widening=1.0)
     channels = usable.parameters.sensor.weights
-    for text in () if decides else say_places(library.name, channels, places):
+    for text in say_places(library.name, channels, places):
         warn(text)
-    for text in say_drive(library.name, localizer.sensor.weights, score, places if decides else None):
+    for text in say_drive(library.name, localizer.sensor.weights, score, widening if decides else None):
         warn(text)
     return suiting, localizer
 

@@ -48,20 +48,19 @@ def drive_score_of(score: DriveScore) -> str:
 
 
 def say_drive(
-    name: str, channels: Iterable[str], score: DriveScore | None, places: PlaceScore | None = None
+    name: str, channels: Iterable[str], score: DriveScore | None, in_place_of: float | None = None
 ) -> Iterator[str]:
     """Yield what the user of a library should know about a drive through it; nothing if they agree.
 
-    `places` is what the library's own pictures say, where the drive's decide the scales in their place.
+    `in_place_of` is the factor of the library's own pictures, where the drive's decide in their place.
     """
     if score is None:
         return
     by, keep = ", ".join(channels), "--set sensor.widening=1 keeps them"
     if score.widening == 1:
-        if places is not None:
-            why = "as the drive's pictures fit them at their true poses"
-            else_ = f"by its own pictures alone they would be {_of_places(places)}"
-            yield f"{name}: the scales stay as they are, {why} ({by}); {else_}"
+        if in_place_of is not None:
+            fit = f"the scales are not widened, as the drive's pictures fit at their true poses ({by})"
+            yield f"{name}: {fit}; by its own pictures alone they would be, by {in_place_of:g}"
         return
     if not score.tells:
         worth = "are worse than none" if max(score.gain, score.far_gain) < 0 else "add next to nothing"
@@ -71,16 +70,9 @@ def say_drive(
             f"{name}: the drive's pictures tell the place, but together those of one place are too sure "
             f"({by}: {drive_score_of(score)})"
         )
-    if places is None:
+    if in_place_of is None:
         yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
     elif score.tells:
         yield f"{text}; the scales are widened by {score.widening:g}; {keep}"
     else:
         yield f"{text}; the camera is not used (the scales are widened by {score.widening:g}); {keep}"
-
-
-def _of_places(places: PlaceScore) -> str:
-    """Return what a library's own pictures would do to the scales."""
-    if places.widening != 1:
-        return f"widened by {places.widening:g}"
-    return ", ".join(f"{channel} x {factor:g}" for channel, factor in places.stretched.items())

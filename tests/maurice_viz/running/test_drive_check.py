@@ -46,10 +46,10 @@ def _suited(off, start=START, preset=None, settings=None, library=None, pictures
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
     asked = configure([*layers, Layer("settings", settings or {})])
     library = mcl.tiny_library() if library is None else library
-    scaled, _ = adapted(asked, library, nearest_reference(library.poses, library.arena))
+    scaled, places = adapted(asked, library, nearest_reference(library.poses, library.arena))
     localizer = build_localizer(library, mcl.tiny_session(), scaled.parameters)
     pictures = _driven(np.array(off)) if pictures is None else pictures
-    return asked, scaled, localizer, *suited(asked, scaled, localizer, start, pictures)
+    return asked, scaled, localizer, *suited(scaled, localizer, places.widening, start, pictures)
 
 
 WRONG = (0.3, -0.2, 0.8)
@@ -71,7 +71,7 @@ def test_pictures_that_mislead_mute_filter_and_configuration_alike():
     assert muted.sensor.references is localizer.sensor.references
     values = after.values()
     assert (values["sensor.widening"], values["recovery.strategy"]) == (its.widening, "none")
-    (said,) = say_drive("tiny", ["color", "edges"], score, PlaceScore(8, 8, 0.0, -1.0, 1.0))
+    (said,) = say_drive("tiny", ["color", "edges"], score, 1.0)
     assert "worse than none at their true poses (color, edges: " in said
     assert f"widened by {its.widening:g}" in said
     assert "--set sensor.widening=1 keeps them" in said
@@ -89,9 +89,9 @@ def test_the_drive_decides_in_place_of_the_library_and_from_our_own_scales(monke
     asked, scaled, _, after, localizer, score = _suited((0.0, 0.0, 0.0), settings=_sharp(0.1))
     assert scaled.parameters.sensor.widening == 100
     assert after.parameters.sensor == localizer.sensor.parameters == asked.parameters.sensor
-    (said,) = say_drive("tiny", ["tiny"], score, doubts)
-    assert "the scales stay as they are, as the drive's pictures fit them" in said
-    assert "by its own pictures alone they would be widened by 100" in said
+    (said,) = say_drive("tiny", ["tiny"], score, 100.0)
+    assert "the scales are not widened, as the drive's pictures fit" in said
+    assert "by its own pictures alone they would be, by 100" in said
     asked, _, _, after, _, score = _suited((0.0, 0.0, 0.0), settings=_sharp(30.0))
     assert 1 < score.widening < 100
     assert after.parameters.sensor.widening == score.widening
@@ -166,11 +166,11 @@ def test_few_views_at_few_spots_of_a_real_building_are_never_worse_than_odometry
     ]
     configuration = configure([Layer("preset robust", PRESETS["robust"])])
     nearest = nearest_reference(library.poses, library.arena)
-    scaled, _ = adapted(configuration, library, nearest)
+    scaled, places = adapted(configuration, library, nearest)
     session = SimpleNamespace(info=SessionInfo("olin"))
     localizer = build_localizer(library, session, scaled.parameters, reference=nearest)
     start = moments[0].truth
-    _, widened, score = suited(configuration, scaled, localizer, start, pictures)
+    _, widened, score = suited(scaled, localizer, places.widening, start, pictures)
     assert score.widening > 1
     reckoning = DeadReckoning.of(widened, start)
     records = mcl.run(widened, SimpleNamespace(info=session.info, moments=lambda: iter(moments)), start)
