@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all check gate bench speed thesis results laser studies fuzz stops soak docs release-check clean
+.PHONY: demo test test-all check gate golden bench speed thesis results laser studies fuzz stops soak docs release-check clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -30,6 +30,10 @@ gate: .venv/installed
 	$(BIN)/maurice-replay simulate global --updates 40 -o out/gate/drive --force
 	$(BIN)/maurice-replay check out/gate/drive/session.log --max-error 0.15m --localized-by 20 --min-localized 0.95 \
 		--seeds 20 -o out/gate/check.xml --artifacts out/gate/failed --force
+
+# What users are told of planted drives, written anew (tests/golden): the diff shows what changed, the commit says why.
+golden: .venv/installed-dev
+	$(BIN)/python -m pytest tests/golden --remake
 
 # All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev

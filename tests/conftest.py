@@ -33,6 +33,11 @@ settings.register_profile("anywhere", derandomize=True, deadline=None, max_examp
 settings.load_profile("anywhere")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let `pytest tests/golden --remake` write the golden texts anew."""
+    parser.addoption("--remake", action="store_true", help="write the texts of tests/golden anew")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest files, so that no process is left alone with one of them at the end."""
     items.sort(key=lambda item: "pages" not in item.path.parts)
