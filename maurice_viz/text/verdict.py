@@ -176,6 +176,8 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> Outcome:
         why = say_rival(failure, scale) if failure.kind == UNKNOWN else failure.title
         why = f": {why}" if why else ""
         return Outcome("{was} probably lost", str(failure.episode.first), "from step ", alone=why)
+    if verdict.now is not None and verdict.now.places > 1:
+        return Outcome(f"ended at one of {verdict.now.places} places that its scans cannot tell apart")
     share = f"{verdict.converged_share:.0%}"
     if verdict.converged_share < MOSTLY:
         return Outcome("did not keep the dots together", share, "together at ", " of the steps")

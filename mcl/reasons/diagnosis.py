@@ -233,7 +233,9 @@ class DiagnosisBuilder:
         """
         if any(update.score.correct is None for update in self._updates):
             self._complete()
-        return self.episodes.doubts or scan_doubts(self._updates)
+        summary = self.episodes.signal.summary()
+        trusted = summary is not None and summary.share > 0
+        return self.episodes.doubts if trusted else scan_doubts(self._updates)
 
     @property
     def has_laser(self) -> bool:

@@ -9,6 +9,7 @@ Why it was so is in `reasons`.
 - `standing`: how a run stands now: localized, searching, lost
 - `events`: the steps that a person wants to look at
 - `lost_signal`: how likely it is that a run is lost, without the truth
+- `rival_places`: where a robot may be as well
 - `modes`: what became of the particles at the true place; modes, followed from step to step; ancestors
 - `comparison`: how much better one run is than another, and than odometry alone, with intervals
 - `demands`: what `check` may demand

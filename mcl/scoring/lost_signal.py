@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..filter.estimate import entry_weights, log_mean_likelihood
-from ..values import StepRecord
+from ..values import Sensed, StepRecord
+from .rival_places import RivalPlaces
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,19 +95,16 @@ def probability(weights: Mapping[str, float], features: Mapping[str, float], mor
     return 1 / (1 + math.exp(-(log_odds + more)))
 
 
-# Without channels: nats a beam of a laser at the estimate, on intel's first 450 scans. 99 % of 467 estimates
-# within 0.45 m of the truth are worth -0.5 or more, 93 % of 433 beyond 0.9 m less.
-FIT_NATS, FIT_SD_NATS = -0.5, 0.1
+# Without channels, by the share of a laser's beams against the estimate (docs/lost-signal.md).
+AGAINST_SHARE, AGAINST_SD = 0.25, 0.025
+RISE = 0.25  # of the way to what this reading says
+AS_LIKELY_NATS = -2.3  # a tenth as likely as the estimate: a place that readings do not rule out
+MOST_KNOWN = 0.99  # of 100 scans that fit so well, about one is of another place
 
 
-def fit_of(record: StepRecord) -> float | None:
-    """Return how well a pose sensor's reading fits the estimate; None where none can tell."""
-    for part in record.sighting.comparison.sensed:
-        fits = getattr(part.sensor, "fits", None)
-        if fits is not None:
-            fit: float | None = fits(part.reading, record.estimate.pose)
-            return fit
-    return None
+def probability_by(against: float) -> float:
+    """Return how probably an estimate is right that a share of a laser's beams speaks against."""
+    return MOST_KNOWN / (1 + math.exp((against - AGAINST_SHARE) / AGAINST_SD))
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +129,7 @@ class LostSignal:
 
     knows: float | None = None  # probability that it knows where it is, by the last update; None: not known
     probably_lost: bool = False  # whether it knew where it was, and does so no longer
+    _rivals: RivalPlaces = field(default_factory=RivalPlaces)
     _gain: float | None = None
     _gap: float = 0.0
     _knew: bool = False
@@ -147,11 +146,26 @@ class LostSignal:
         numbers = BeliefNumbers.of(record)
         if numbers is not None:
             return self.see(numbers)
-        fit = fit_of(record)
-        if fit is None:
+        told = [part for part in record.sighting.comparison.sensed if part.tells_against]
+        return self._sensed(record, told[0]) if told else None
+
+    def _sensed(self, record: StepRecord, part: Sensed) -> float | None:
+        """Process what a pose sensor read, without channels: it falls at once, and rises slowly.
+
+        At a wrong place readings fit now and then.
+        """
+        share = self._rivals.see(record, part)
+        against = part.against(record.estimate.pose)
+        if against is None:
             return None
-        self._gain = fit if self._gain is None else (1 - RATE) * self._gain + RATE * fit
-        return self._judge(1 / (1 + math.exp((FIT_NATS - self._gain) / FIT_SD_NATS)), PROBABLY_LOST_BELOW)
+        now = share * probability_by(against)
+        before = now if self.knows is None else self.knows
+        return self._judge(min(now, before + RISE * (now - before)), PROBABLY_LOST_BELOW)
+
+    @property
+    def places(self) -> int:
+        """How many places what was sensed fits about as well, the estimate's among them; 1 if not known."""
+        return 1 + sum(place.nats > AS_LIKELY_NATS for place in self._rivals.places[1:])
 
     def see(self, now: BeliefNumbers) -> float:
         """Process the numbers of the next update."""

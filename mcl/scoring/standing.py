@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, EpisodeFinder
 from .lost_signal import KNOWS_ABOVE
@@ -21,6 +21,7 @@ class Standing:
 
     state: str
     since: int  # step from which on that is so
+    places: int = 1  # that fit what is sensed about as well, the estimate's among them, without truth
 
     @property
     def is_lost(self) -> bool:
@@ -35,7 +36,8 @@ class Standing:
     @property
     def words(self) -> str:
         """The state in words."""
-        return WORDS.get(self.state, self.state)
+        words = WORDS.get(self.state, self.state)
+        return words if self.places < 2 else f"{words}, at one of {self.places} places that look alike"
 
 
 @dataclass(slots=True)
@@ -59,17 +61,18 @@ class StandingFinder:
             self.standing = self._by_signal(step, finder)
 
     def _by_signal(self, step: int, finder: EpisodeFinder) -> Standing | None:
-        signal = finder.signal
+        signal, before = finder.signal, self.standing
         if signal.knows is None:
-            return self.standing
-        if signal.probably_lost:
-            return Standing(PROBABLY_LOST, finder.doubts[-1][0])
-        state = PROBABLY_LOCALIZED if signal.knows > KNOWS_ABOVE else SEARCHING
-        before = self.standing
-        # it doubts no run that knew where it was before the alarm
-        if before is not None and before.state in (state, PROBABLY_LOCALIZED):
             return before
-        return Standing(state, step)
+        places = signal.places
+        if signal.probably_lost:
+            return Standing(PROBABLY_LOST, finder.doubts[-1][0], places)
+        state = PROBABLY_LOCALIZED if signal.knows > KNOWS_ABOVE else SEARCHING
+        # it doubts no run that knew where it was before the alarm, unless another place is as likely
+        kept = (state,) if places > 1 else (state, PROBABLY_LOCALIZED)
+        if before is not None and before.state in kept:
+            return replace(before, places=places)
+        return Standing(state, step, places)
 
 
 def _by_truth(step: int, finder: EpisodeFinder) -> Standing:

@@ -187,8 +187,9 @@ class PoseSensor(Protocol):
     the reading, None where it may, so that nothing is proposed; and `confirmed(reading, proposal, earlier)`:
     what is left of a proposal by what was read before, for which `support(reading, pose)` says by how many
     nats a reading speaks for an estimate. Where a cloud does not explain a reading, particles follow
-    `movement(reading, motion, earlier)`. `fits(reading, pose)` is how well a reading fits an estimate:
-    without channels the lost signal reads it.
+    `movement(reading, motion, earlier)`. Without channels the lost signal reads `against(reading, pose)`, the
+    share of a reading that speaks against an estimate, and `settled(reading, pose)`, the pose around a given
+    one that a reading fits best, and its nats.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:
@@ -287,6 +288,23 @@ class Sensed:
         """Return by how many nats the reading speaks for a pose (3,); 0 for a sensor that does not say."""
         support = getattr(self.sensor, "support", None)
         return 0.0 if support is None else float(support(self.reading, pose))
+
+    @property
+    def tells_against(self) -> bool:
+        """Whether the sensor says how much of a reading speaks against a pose."""
+        return hasattr(self.sensor, "against")
+
+    def against(self, pose: F64) -> float | None:
+        """Return the share of the reading that speaks against a pose (3,); None where none can tell."""
+        says = getattr(self.sensor, "against", None)
+        against: float | None = says and says(self.reading, pose)
+        return against
+
+    def settled(self, pose: F64) -> tuple[F64, float]:
+        """Return the pose (3,) around a given one that the reading fits best, and its nats."""
+        settle = getattr(self.sensor, "settled", None)
+        settled: tuple[F64, float] = (pose, 0.0) if settle is None else settle(self.reading, pose)
+        return settled
 
     def movement(self, motion: F64, earlier: Sequence[Earlier]) -> MeasuredMovement | None:
         """Return the movement that the readings tell of, where wheels measured `motion` (3,)."""

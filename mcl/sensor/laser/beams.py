@@ -15,6 +15,8 @@ from .reading import LaserReading
 AGREES, SHORT, BEYOND, UNMAPPED, MISS = range(5)
 JUDGMENTS = ("agrees", "short", "beyond", "unknown", "miss")  # by these numbers
 AGREES_M = 0.2  # a beam that ends nearer to something on the map agrees with it
+SHORT_WORTH = 0.5  # of a beam that ends behind a wall: people end beams early, and none late
+LEAST_MAPPED = 0.5  # share of the beams that hit something: where most end in unknown space, none tells
 WORTH_SAYING = 0.05  # share of the beams
 SAID: Mapping[str, str] = {
     "short": "end {} before the wall: something stands there",
@@ -46,6 +48,14 @@ class BeamJudgment:
     def count(self, judgment: str) -> int:
         """Return how many beams are judged so."""
         return int(self.are(judgment).sum())
+
+    @property
+    def against(self) -> float | None:
+        """The share of the beams that speak against the pose; None where most end in unknown space."""
+        hits = len(self.judged) - self.count("miss")
+        mapped = hits - self.count("unknown")
+        wrong = self.count("beyond") + SHORT_WORTH * self.count("short")
+        return wrong / mapped if mapped > LEAST_MAPPED * hits else None
 
     def gap_m(self, judgment: str) -> float:
         """Return how far beams that are judged so end from where the map has a wall: the median."""

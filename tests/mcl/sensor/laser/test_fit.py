@@ -9,8 +9,10 @@ import pytest
 
 from maurice_mcl.sensor.laser.fit import ScanFits
 from maurice_mcl.sensor.laser.rays import cast
+from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
+from maurice_mcl.values.session import NO_PICTURE, Frame
 
 TRUTH, MOUNT = np.array([2.0, 1.5, 0.4]), np.array([0.2, 0.0, 0.3])
 
@@ -89,3 +91,27 @@ def test_walls_that_are_not_seen_and_things_that_are_short_are_told_apart(fits, 
     assert fit.shares["short"] > 0.35
     assert fit.shares["unseen"] < 0.1
     assert fit.short_m > 0.2
+
+
+def with_people(scan, share, seed=3):
+    """Replace a share of the beams by people who stand in their way."""
+    rng = np.random.default_rng(seed)
+    blocked = rng.random(scan.size) < share
+    return replace(scan, ranges_m=np.where(blocked, scan.ranges_m * 0.4, scan.ranges_m).astype(np.float32))
+
+
+def test_people_in_view_and_a_little_drift_speak_less_against_it_than_a_wrong_place(room, scan):
+    laser = Laser(room)
+    reading = laser.read(Frame(1, 0.0, np.zeros((0, 3)), NO_PICTURE, "", scan=with_people(scan, 0.25)))
+    drifted, wrong = TRUTH + np.array([0.15, -0.2, 0.05]), np.array([4.5, 2.5, 2.0])
+    assert laser.against(reading, drifted) < 0.2
+    assert laser.judged(reading, drifted).against > 0.25
+    assert laser.against(reading, wrong) > 0.3
+
+
+def test_the_pose_around_an_estimate_that_a_scan_fits_best(room, scan):
+    laser = Laser(room)
+    reading = laser.read(Frame(1, 0.0, np.zeros((0, 3)), NO_PICTURE, "", scan=scan))
+    pose, nats = laser.settled(reading, TRUTH + np.array([0.2, 0.1, 0.07]))
+    assert np.abs(pose - TRUTH)[:2].max() < 0.06
+    assert nats > laser.settled(reading, np.array([4.5, 2.5, 2.0]))[1] + 10
