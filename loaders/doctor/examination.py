@@ -47,6 +47,7 @@ from .plausibility import (
     without_jumps,
 )
 from .scans import examine_scans
+from .scans_on_map import examine_map
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -215,8 +216,11 @@ def examine(
         known += _about_odometry(drive, movement_s, checks, without)
     if scans.size:
         there = None if library is None else library.occupancy
-        more, asked = examine_scans(scans, seen, there, options.max_dt_s)
-        known, checks = [*known, *more], [*checks, *asked]
+        scans, about_scans, asked = examine_scans(scans, seen, options.max_dt_s)
+        known, checks = [*known, *about_scans], [*checks, asked]
+        if there is not None:
+            about_map, on_map = examine_map(scans, seen, there, about_scans)
+            known, checks = [*known, *about_map], [*checks, *on_map]
         without += ["the map: none was given"] if there is None else []
     if not len(drive.picture_t_s):
         without += [] if gathered.scans.size else ["pictures: there are none"]

@@ -1,4 +1,4 @@
-"""Scans against each other along the drive, and against a map: mount, clock, reach, and whose map it is.
+"""Scans against each other along the drive: how the laser is mounted, and its clock.
 
 Two scans taken near each other see the same walls. How far the points of one are from those of the other,
 once moved as odometry or truth say, tells how the laser is mounted and when it measured.
@@ -13,12 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from maurice_mcl.sensor.laser.fit import MOUNTS_M, OFF_NATS, YAWS, ScanFits
-from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, THROUGH_M, Matcher
-from maurice_mcl.sensor.laser.parameters import LaserParameters
-from maurice_mcl.sensor.laser.reading import LEAST_HITS, read_scan
-from maurice_mcl.sensor.laser.sensor import laser_of
-from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, rotated, wrap_angle
+from maurice_mcl.sensor.laser.fit import YAWS
+from maurice_mcl.sensor.laser.reading import LEAST_HITS
+from maurice_mcl.values import F64, motion_between, path_of, rotated, wrap_angle
 
 from .findings import Evidence, Finding, RecordedDrive, RecordedScans, motions_of
 
@@ -38,17 +35,6 @@ BODY_SHARE, BODY_BEAMS = (
     0.6,
     0.02,
 )  # ... in this share of the headings is the robot's own; of all beams, least
-MATCHED = 8  # scans that are searched on a map
-FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
-SCALES = (0.1, 0.5, 0.8, 1.25, 2.0, 10.0)  # of a map, that are tried
-NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
-CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
-# of a laser on the robot: offsets that are tried along each axis, and the least that is reported as wrong
-PLACED, PLACED_SHARE, LEAST_PLACED_M = (
-    40,
-    0.5,
-    0.15,
-)  # scans at true poses, share of the nats left, least place
 PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1
 
 
@@ -66,35 +52,31 @@ class _Pair:
 
 
 def examine_scans(
-    scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap | None, near_s: float
-) -> tuple[list[Finding], list[str]]:
-    """Return what is wrong with scans, and what could be asked; pictures take scans within `near_s`."""
-    findings, checks = _truth_is_odometry(drive), [f"{scans.size} scans"]
+    scans: RecordedScans, drive: RecordedDrive, near_s: float
+) -> tuple[RecordedScans, list[Finding], str]:
+    """Return scans without the robot itself, what is wrong, and what was asked.
+
+    Pictures take scans within `near_s`.
+    """
+    findings, asked = _truth_is_odometry(drive), f"{scans.size} scans"
     findings += _unused(scans, drive, near_s)
-    paths = [path for path in (_truth_path(drive), _odometry_path(drive)) if path is not None]
+    paths = [path for path in (truth_path(drive), _odometry_path(drive)) if path is not None]
     for body in _own_body(scans, *paths[0]) if paths else ():
         findings.append(body)
         scans = replace(scans, scans=tuple(replace(s, min_m=body.numbers["range_m"]) for s in scans.scans))
     pairs = _pairs(scans, *paths[0]) if paths else []
-    mirrored = False
     if len(pairs) >= FEWEST_PAIRS:
-        checks[0] += f", {len(pairs)} pairs of them against each other"
+        asked += f", {len(pairs)} pairs of them against each other"
         mount = _mounts(pairs) or _elsewhere(pairs)
-        findings += mount
-        mirrored = any(finding.code == "scan-mirrored" for finding in mount)
-        findings += [] if mount else _late(scans, *paths[-1])
-    if occupancy is not None:
-        if not any(finding.code.startswith("scan-") for finding in findings):
-            findings += place_at_truth(scans, occupancy, _truth_path(drive))
-        about, asked = _about_map(scans, occupancy, _truth_path(drive), mirrored=mirrored)
-        findings, checks = [*findings, *about], [*checks, asked]
-    return findings, checks
+        findings += mount or _late(scans, *paths[-1])
+    return scans, findings, asked
 
 
 Path = tuple[F64, F64]  # times (K,) and poses (K, 3)
 
 
-def _truth_path(drive: RecordedDrive) -> Path | None:
+def truth_path(drive: RecordedDrive) -> Path | None:
+    """Return the true poses; None for few."""
     truth = drive.truth  # carried off it went too far between two scans for a pair
     return (truth.t_s, truth.poses) if truth.size >= FEWEST_PAIRS else None
 
@@ -107,7 +89,7 @@ def _odometry_path(drive: RecordedDrive) -> Path | None:
     return odometry.t_s, poses
 
 
-def _at(times: F64, t_s: F64, poses: F64) -> F64:
+def poses_at(times: F64, t_s: F64, poses: F64) -> F64:
     """Return the poses (S, 3) at some times."""
     turns = np.unwrap(poses[:, 2])
     return np.column_stack([np.interp(times, t_s, column) for column in (poses[:, 0], poses[:, 1], turns)])
@@ -118,7 +100,7 @@ def _pairs(scans: RecordedScans, t_s: F64, poses: F64, most: int = PAIRS) -> lis
     if (np.diff(t_s) < 0).any():
         return []
     known = (scans.t_s >= t_s[0]) & (scans.t_s <= t_s[-1])
-    places = _at(scans.t_s, t_s, poses)
+    places = poses_at(scans.t_s, t_s, poses)
     pairs, last = list[tuple[int, int, F64]](), 0
     for k in np.flatnonzero(known):
         motion = motion_between(places[last], places[k])
@@ -177,7 +159,7 @@ def _mounts(pairs: list[_Pair]) -> list[Finding]:
     totals = np.array([_apart(pair, near, sign) for pair in pairs])
     best = int(totals.mean(axis=0).argmin())
     yaw_deg = float(round(np.degrees(wrap_angle(float(near[best])))))
-    if not _is_clear(usual, totals[:, best]) or (sign == 1 and abs(yaw_deg) < LEAST_YAW_DEG):
+    if not is_clear(usual, totals[:, best]) or (sign == 1 and abs(yaw_deg) < LEAST_YAW_DEG):
         return []
     values = {"pairs": len(pairs), "before": usual.mean(), "after": totals[:, best].mean()}
     seen = (Evidence("scan-pairs", values),)
@@ -198,7 +180,7 @@ def _elsewhere(pairs: list[_Pair]) -> list[Finding]:
         totals = np.array([_apart(pair, shifts=tried) for pair in turning])
         best = int(totals.mean(axis=0).argmin())
         shift, moved = complex(tried[best]), totals[:, best]
-    if abs(shift) < LEAST_PLACE_M or not _is_clear(usual, moved):
+    if abs(shift) < LEAST_PLACE_M or not is_clear(usual, moved):
         return []
     seen = Evidence("scan-pairs", {"pairs": len(turning), "before": usual.mean(), "after": moved.mean()})
     return [Finding("scan-place", (seen,), {"ahead_m": shift.real, "left_m": shift.imag})]
@@ -220,7 +202,7 @@ def _unused(scans: RecordedScans, drive: RecordedDrive, near_s: float) -> list[F
 
 def _own_body(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
     """Return a finding where beams read one short range at all headings, as of the robot's own body."""
-    headings = (_at(scans.t_s, t_s, poses)[:, 2] // TURN_RAD[0]).astype(int)
+    headings = (poses_at(scans.t_s, t_s, poses)[:, 2] // TURN_RAD[0]).astype(int)
     some = [scans.scans[k] for k in np.unique(headings, return_index=True)[1]]
     some = [scan for scan in some if scan.size == some[0].size]
     ranges_m = np.array([np.where(scan.hits, scan.ranges_m, np.float32(np.inf)) for scan in some])
@@ -249,14 +231,14 @@ def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
     if len(pairs) < FEWEST_PAIRS:
         return []
     for pair in pairs:
-        before, after = (_at(scans.t_s[k] + OFFSETS_S, t_s, poses) for k in (pair.first, pair.second))
+        before, after = (poses_at(scans.t_s[k] + OFFSETS_S, t_s, poses) for k in (pair.first, pair.second))
         x, y, turn = (after - before).T
         totals.append(_apart(pair, motions=np.column_stack([*rotated(x, y, -before[:, 2]), turn])))
     by_offset = np.array(totals).T
     usual, best = by_offset[len(OFFSETS_S) // 2], int(by_offset.mean(axis=1).argmin())
     offset_s = float(round(OFFSETS_S[best], 3))
     at_edge = best in (0, len(OFFSETS_S) - 1)  # whatever is there, it is no minimum
-    if at_edge or abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, by_offset[best], LATE_SHARE):
+    if at_edge or abs(offset_s) < LEAST_OFFSET_S or not is_clear(usual, by_offset[best], LATE_SHARE):
         return []
     seen = Evidence(
         "scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": by_offset[best].mean()}
@@ -264,7 +246,8 @@ def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
     return [Finding("scan-delay", (seen,), {"delay_s": -offset_s}, {"picture_offset_s": offset_s})]
 
 
-def _is_clear(usual: F64, better: F64, share: float = CLEAR_SHARE) -> bool:
+def is_clear(usual: F64, better: F64, share: float = CLEAR_SHARE) -> bool:
+    """Whether what is left (N,) is clearly less than usual (N,), and less than a share of it."""
     gain = usual - better
     error = max(float(gain.std() / np.sqrt(len(gain))), 1e-9)
     return bool(gain.mean() > CLEAR_T * error and better.mean() < share * usual.mean())
@@ -279,7 +262,7 @@ def _truth_is_odometry(drive: RecordedDrive) -> list[Finding]:
     chosen = drive.truth.t_s[(drive.truth.t_s >= t_s[0]) & (drive.truth.t_s <= t_s[-1])]
     if len(chosen) < FEWEST_PAIRS:
         return []
-    told, true = _at(chosen, t_s, poses), _at(chosen, drive.truth.t_s, drive.truth.poses)
+    told, true = poses_at(chosen, t_s, poses), poses_at(chosen, drive.truth.t_s, drive.truth.poses)
     off = np.array([motion_between(a, b) for a, b in pairwise(told)])
     off -= np.array([motion_between(a, b) for a, b in pairwise(true)])
     moved = np.hypot(*np.diff(true[:, :2], axis=0).T) > 0.01
@@ -288,103 +271,3 @@ def _truth_is_odometry(drive: RecordedDrive) -> list[Finding]:
         return []
     seen = Evidence("equal-steps", {"share": float(equal[moved].mean()), "steps": int(moved.sum())})
     return [Finding("odometry-is-truth", (seen,))]
-
-
-def _about_map(
-    scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None, *, mirrored: bool
-) -> tuple[list[Finding], str]:
-    """Return what is wrong with the map, and how well scans fit it; mirrored ones fit by chance."""
-    chosen = np.linspace(0, scans.size - 1, min(scans.size, MATCHED)).round().astype(int)
-    numbers = list(dict.fromkeys(chosen.tolist()))
-    some = [scans.scans[k] for k in numbers]
-    places = None if truth is None else _at(scans.t_s[numbers], *truth)
-    check, signs = f"{len(some)} scans against the map", (-1, 1) if mirrored else (1, -1)
-    fits, by_chance = (_best_fits(some, occupancy, sign, places) for sign in signs)
-    own, chance = fits.off, by_chance.off
-    if np.isnan(own):
-        return [], check
-    check += f" ({fits.short:.0%} of the beams end before its walls, {fits.beyond:.0%} behind)"
-    if own <= FITS_OFF or own < CHANCE * chance or fits.at_truth >= FITS_AT_TRUTH:
-        seen = Evidence("fit-where", {"scans": len(some)})
-        if fits.at_truth == 0 and fits.agree_at_truth < AGREE_AT_TRUTH:
-            return [Finding("map-frame", (seen,), {"agree": fits.agree_at_truth})], check
-        shares = {"short": fits.short, "beyond": fits.beyond}
-        changed = fits.short + fits.beyond >= CHANGED_SHARE
-        return [Finding("map-changed", (seen,), shares)] if changed else [], check
-    seen = Evidence("fit-anywhere", {"scans": len(some), "off": own, "chance": chance})
-    scaled = {scale: _best_fits(some, _scaled(occupancy, scale), signs[0]).off for scale in SCALES}
-    scale = min(scaled, key=lambda name: scaled[name])
-    by_luck = _best_fits(some, _scaled(occupancy, scale), signs[1]).off
-    if scaled[scale] < CHANCE * min(own, by_luck):
-        cells = {"scale": scale, "cell_m": occupancy.cell_m * scale}
-        return [Finding("map-scale", (seen,), cells)], check
-    height_m, width_m = (side * occupancy.cell_m for side in occupancy.cells.shape)
-    return [Finding("map-place", (seen,), {"width_m": width_m, "height_m": height_m})], check
-
-
-def place_at_truth(scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None) -> list[Finding]:
-    """Return where the laser is on the robot, by how scans lie on the map at true poses of many headings.
-
-    Moved along the map's axes instead, as a map or a truth that is moved would be, they must fit less well.
-    """
-    if truth is None:
-        return []
-    known = np.flatnonzero((scans.t_s >= truth[0][0]) & (scans.t_s <= truth[0][-1]))
-    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), PLACED)).round().astype(int))]
-    fits = ScanFits(occupancy, np.zeros((1, 3)))
-    moved, shifted = list[F64](), list[F64]()
-    for k, pose in zip(chosen, _at(scans.t_s[chosen], *truth), strict=True):
-        reading = fits.read(scans.scans[k])
-        if reading is not None:
-            moved.append(fits.placed(reading, pose))
-            shifted.append(fits.nats(reading, pose + np.pad(MOUNTS_M, ((0, 0), (0, 1)))).astype(np.float64))
-    if len(moved) < FEWEST_PAIRS:
-        return []
-    by_place, usual = np.array(moved), int(np.hypot(*MOUNTS_M.T).argmin())
-    best = int(by_place.mean(axis=0).argmax())
-    ahead_m, left_m = (float(value) for value in MOUNTS_M[best])
-    clear = _is_clear(-by_place[:, usual], -by_place[:, best], PLACED_SHARE)
-    if np.hypot(ahead_m, left_m) < LEAST_PLACED_M or not clear:
-        return []
-    if np.mean(shifted, axis=0).max() >= by_place[:, best].mean():
-        return []
-    lacks = {"lack_before": -by_place[:, usual].mean(), "lack_after": -by_place[:, best].mean()}
-    values = {"scans": len(moved), **lacks}
-    return [Finding("scan-place", (Evidence("at-truth", values),), {"ahead_m": ahead_m, "left_m": left_m})]
-
-
-def _scaled(occupancy: OccupancyMap, scale: float) -> OccupancyMap:
-    return replace(occupancy, cell_m=occupancy.cell_m * scale)
-
-
-@dataclass(frozen=True, slots=True)
-class _Fits:
-    """Shares of the beams where each of some scans fits best; NaN: none was matched."""
-
-    off: float  # that disagree, by their nats: the median of the scans
-    short: float  # that end before a wall of the map
-    beyond: float  # that end behind one
-    at_truth: float  # share of the scans that fit best within `NEAR_M` of their true places; 0: unknown
-    agree_at_truth: float  # share of the beams that agree with the map there; 1: unknown
-
-
-def _best_fits(
-    scans: list[LaserScan], occupancy: OccupancyMap, sign: int, places: F64 | None = None
-) -> _Fits:
-    matcher, laser, shares = Matcher(occupancy), laser_of(occupancy, LaserParameters()), list[list[float]]()
-    for number, scan in enumerate(scans):
-        turned = replace(scan, start_rad=sign * scan.start_rad, step_rad=sign * scan.step_rad)
-        points, reading = turned.points(), read_scan(turned, laser.parameters)
-        matches = matcher.search(points, scan.mount)
-        if matches is None or reading is None:
-            continue
-        judged = laser.judged(reading, matches.poses[0])
-        off = -float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points)))
-        behind = reading.hits & (judged.measured_m > judged.expected_m + THROUGH_M)  # on whatever is there
-        near = places is not None and np.hypot(*(matches.poses[0] - places[number])[:2]) < NEAR_M
-        there = judged if places is None else laser.judged(reading, places[number])
-        agree = 1.0 if places is None else float(there.are("agrees").mean())
-        shares.append([off, judged.are("short").mean(), behind.mean(), float(near), agree])
-    if not shares:
-        return _Fits(*[float("nan")] * 5)
-    return _Fits(float(np.median(np.array(shares)[:, 0])), *np.mean(shares, axis=0)[1:].tolist())

@@ -141,6 +141,7 @@ WHAT: Mapping[str, Text] = {
     "scans-empty": "{scans:.0f} scans in a row hit nothing, from {from_s:.1f} to {to_s:.1f} s of the drive",
     "own-body": "{share:.0%} of the beams see the robot itself",
     "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
+    "map-mirrored": "the map is {how}",
     "map-frame": (
         "the scans fit the map, but not where the truth has them, where {agree:.0%} of the beams agree: "
         "the map or the truth is turned or moved"
@@ -154,6 +155,13 @@ WHAT: Mapping[str, Text] = {
         "the camera looks {yaw_deg:+d} deg ({low_deg:+.0f} to {high_deg:+.0f}) off where the library's "
         "pictures look at the same heading"
     ),
+}
+
+_FLIPPED: Mapping[str, str] = {
+    "mirrored left to right": "mogrify -flop map.pgm (ImageMagick)",
+    "mirrored upside down": "mogrify -flip map.pgm (ImageMagick): its first row has the largest y",
+    "turned by 180 deg": "mogrify -rotate 180 map.pgm (ImageMagick)",
+    "mirrored": "mogrify -flip map.pgm (ImageMagick), or -flop where x is mirrored",
 }
 
 _UNUSED: Mapping[str, tuple[str, str]] = {
@@ -232,6 +240,7 @@ FIX: Mapping[str, Text] = {
     ),
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
     "map-unusable": "name another with --map map.yaml; correct what publishes this one",
+    "map-mirrored": lambda v: _FLIPPED[str(v["how"])],
     "map-frame": "correct origin in map.yaml, or give the truth in the map's frame",
     "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
     "map-place": (
@@ -321,6 +330,10 @@ EVIDENCE: Mapping[str, Text] = {
         "at {scans} true poses a scan lacks {lack_before:.0f} nats on the map, "
         "and {lack_after:.0f} if this is so"
     ),
+    "map-at-truth": (
+        "at {scans} true poses {before:.0%} of the beams disagree with the map, and {after:.0%} if this is so"
+    ),
+    "scans-at-truth": "of {scans} scans at their true poses",
     "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
     "capped": (
         "{share:.0%} of the beams that hit something read about {range:.4g} m, and hardly any a little less; "

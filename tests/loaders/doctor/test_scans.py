@@ -16,12 +16,13 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.doctor.examination import Examination, examine
+from maurice_loaders.doctor.findings import Finding, RecordedScans
 from maurice_loaders.doctor.gathering import gather
-from maurice_loaders.doctor.scans import place_at_truth
+from maurice_loaders.doctor.map_at_truth import ScansAtTruth
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values import OCCUPIED, Library
+from maurice_mcl.values import OCCUPIED, Library, OccupancyMap
 from maurice_viz.text.findings import describe
 
 LOGS = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "logs"
@@ -95,15 +96,21 @@ def test_true_poses_and_a_map_tell_where_the_laser_is_but_not_of_a_map_that_is_m
     gathered, occupancy = gather(drive[0], USUAL), drive[1].occupancy
     assert occupancy is not None
     truth = gathered.drive.truth.t_s, gathered.drive.truth.poses
-    assert place_at_truth(gathered.scans, occupancy, truth) == []
+
+    def elsewhere(scans: RecordedScans, grid: OccupancyMap) -> list[Finding]:
+        there = ScansAtTruth.of(scans, grid, truth)
+        assert there is not None
+        return there.laser_elsewhere()
+
+    assert elsewhere(gathered.scans, occupancy) == []
     mounts = [scan.mount - [*place_m, 0.0] for scan in gathered.scans.scans]
     pairs = zip(gathered.scans.scans, mounts, strict=True)
     wrong = replace(gathered.scans, scans=tuple(replace(scan, mount=mount) for scan, mount in pairs))
-    (finding,) = place_at_truth(wrong, occupancy, truth)
+    (finding,) = elsewhere(wrong, occupancy)
     assert finding.code == "scan-place"
     assert [finding.numbers["ahead_m"], finding.numbers["left_m"]] == pytest.approx(place_m, abs=0.06)
     moved = replace(occupancy, corner=occupancy.corner + np.array([*place_m]))
-    assert place_at_truth(gathered.scans, moved, truth) == []
+    assert elsewhere(gathered.scans, moved) == []
 
 
 def test_scans_that_say_nothing_are_named_with_the_reason(
@@ -170,6 +177,39 @@ def test_ranges_in_millimeters_are_scans_that_say_nothing(
 
     found = examine(broken(drive[0], tmp_path / "mm.log", in_millimeters), USUAL, None)
     assert codes(found) == ["scans-unused"]
+
+
+@pytest.mark.parametrize(
+    ("how", "flip"),
+    [
+        ("mirrored left to right", np.s_[:, ::-1]),
+        ("mirrored upside down", np.s_[::-1]),
+        ("turned by 180 deg", np.s_[::-1, ::-1]),
+    ],
+)
+def test_a_map_that_is_mirrored_is_found_at_true_poses(
+    drive: tuple[Path, Library], how: str, flip: Any
+) -> None:
+    log, library = drive
+    grid = library.occupancy
+    assert grid is not None
+    found = examine(log, USUAL, map_library(replace(grid, cells=grid.cells[flip].copy()), "mirrored"))
+    assert codes(found) == ["map-mirrored"]
+    assert found.findings[0].details["how"] == how
+    seen = found.findings[0].evidence[0].values
+    assert 2 * float(seen["after"]) < float(seen["before"])
+
+
+@pytest.mark.parametrize("scale", [0.95, 1.04, 1.1])
+def test_a_map_that_is_scaled_a_little_is_found_at_true_poses(
+    drive: tuple[Path, Library], scale: float
+) -> None:
+    log, library = drive
+    grid = library.occupancy
+    assert grid is not None
+    found = examine(log, USUAL, map_library(replace(grid, cell_m=grid.cell_m * scale), "scaled"))
+    assert codes(found) == ["map-scale"]
+    assert found.findings[0].numbers["cell_m"] == pytest.approx(grid.cell_m, rel=0.011)
 
 
 def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -> None:
