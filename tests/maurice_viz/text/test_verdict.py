@@ -17,11 +17,12 @@ from maurice_mcl.reasons.causes import (
     InObstacle,
 )
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.episodes import PROBABLY_LOST, SEARCHING, Episode
 from maurice_mcl.scoring.metrics import StepScore
+from maurice_mcl.scoring.standing import Standing
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.causes import say_cause
-from maurice_viz.text.verdict import account
+from maurice_viz.text.verdict import account, headline
 
 INCHES = Scale(UNITS["in"])
 INCH_M = 0.0254
@@ -160,3 +161,9 @@ def test_a_heading_that_no_reference_has_is_said_without_a_distance():
     evidence = {"to_reference_m": 1.0, "none_looks_that_way": 1, "spacing_m": 0.4572, "updates": 5}
     text = say_cause(Failure(LIBRARY_GAP, 2, SEARCH, evidence), INCHES)
     expect_facts(text, "no reference near the true place", "step 2", "39.4 in", "18.0 in")
+
+
+def test_a_run_that_may_be_at_several_places_says_so():
+    torn = RunVerdict(updates=40, converged_share=1.0, now=Standing(SEARCHING, 12, places=3))
+    said = headline({"laser": torn}, INCHES)
+    assert said.startswith("The filter ended at one of 3 places that its scans cannot tell apart")
