@@ -25,9 +25,10 @@ from ..scene import Detail, RunView, Scene
 
 UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
 
-# bytes of a recording, by benchmarks/speed/recording.py on two drives; fixed, per particle, per channel
+# bytes of a recording a step, on drives with a camera and with a laser; fixed, per particle, per channel
 FULL_BYTES = (58_500, 6.7, 3_200)
-LIGHT_BYTES = (14_200, 0.0, 0)
+LIGHT_BYTES = (18_500, 0.0, 0)
+LIVE_BYTES = (113_000, 38_000)  # more of a live source, full and light: its rows are sent one by one
 WHOLE = {Detail.FULL: 1.0, Detail.EVENTS: 0.25, Detail.LIGHT: 0.0}  # share of the steps that is drawn in full
 # milliseconds a step: drawn in full, light; the filter with what it reads, and for each particle
 FULL_MS, LIGHT_MS, FILTER_MS = 13.0, 3.0, (3.5, 0.0005)
@@ -65,10 +66,11 @@ class DetailFilter:
         return replace(self._held.popleft(), whole=near)
 
 
-def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) -> int:
+def expected_bytes(detail: Detail, steps: int, particles: int, channels: int, *, live: bool = False) -> int:
     """Estimate the size of one run's recording."""
     full, light = (
-        fixed + particles * each + channels * channel for fixed, each, channel in (FULL_BYTES, LIGHT_BYTES)
+        fixed + particles * each + channels * channel + live * more
+        for (fixed, each, channel), more in zip((FULL_BYTES, LIGHT_BYTES), LIVE_BYTES, strict=True)
     )
     return round(steps * (light + WHOLE[detail] * (full - light)))
 

@@ -162,7 +162,7 @@ def write_rate(runs: Sequence[RunView], output: OutputOptions, listener: Listene
 
     path, detail = path_of(output), Detail(output.detail)
     light, full = (
-        sum(expected_bytes(each, 1000, run.particles, len(run.channels)) for run in runs)
+        sum(expected_bytes(each, 1000, run.particles, len(run.channels), live=True) for run in runs)
         for each in (Detail.LIGHT, detail)
     )
     smaller = {} if detail is Detail.LIGHT else {"--detail light": light / full}

@@ -81,6 +81,9 @@ def test_detail_needs_room():
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
+    # a live camera of 2,000 particles takes 202 kB a step in full, and 58 light; a laser 162 and 56
+    live = [expected_bytes(d, 1, 2000, 2, live=True) for d in (Detail.LIGHT, Detail.FULL)]
+    assert live == pytest.approx([57_000, 190_000], rel=0.1)
     light_s, some_s, full_s = (
         expected_seconds(d, 100, 5000) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL)
     )
