@@ -26,14 +26,14 @@ from time import perf_counter
 
 import maurice_loaders as ml
 import maurice_mcl as mcl
-from maurice_datasets.demos import demo_paths
+from maurice_datasets.demos import demo_paths, laser_paths
 from maurice_loaders.libraries.files import save_library
 from maurice_loaders.libraries.measured import SWITCH
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.playback import FilterRun, run_together
+from maurice_viz.playback import FilterRun, ResultCollector, run_together
 from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail, RunView, Scene
 from maurice_viz.viewer import sinks
@@ -45,6 +45,7 @@ ROUND, PARTICLES = 100, 1000
 STEPS, QUICK = (120, 1200, 10_000), (120, 360)
 ALONE = "filter alone"
 DETAILS = {"with a recording, light": Detail.LIGHT, "with a recording, full": Detail.FULL}
+LASER_RUN, LASER_STEPS = "laser and its scores", (120, 1200, 3600)
 REFERENCES, LIBRARY_STEPS = "filter alone, {:,} references", 300
 MB = 1e6 if sys.platform == "darwin" else 1e3  # of the unit in which the system tells memory
 
@@ -55,6 +56,7 @@ def growth(quick: bool) -> Table:
     rows = []
     for way in (ALONE, *DETAILS):
         rows += [_row(way, steps) for steps in (QUICK if quick else STEPS)]
+    rows += [_row(LASER_RUN, steps) for steps in (QUICK if quick else LASER_STEPS)]
     with tempfile.TemporaryDirectory() as folder:
         for size in SIZES:
             save_library(random_library(size, Path(folder)), Path(folder) / str(size))
@@ -86,16 +88,20 @@ def one(way: str, steps: int, folder: str | None = None) -> tuple[float, float]:
 
     `folder` is a library instead of the demo's; the filter then starts anywhere.
     """
-    paths = demo_paths()
+    paths = laser_paths() if way == LASER_RUN else demo_paths()
     library, session = ml.open_library(folder or paths.survey), ml.open_session(paths.session)
-    localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES).of_session(session)
+    chosen = {"preset": "laser"} if way == LASER_RUN else {"feature": "blended"}
+    localizer = mcl.make_localizer(library, particles=PARTICLES, **chosen).of_session(session)
     run = FilterRun("run", localizer, None if folder else session.info.start)
     with ExitStack() as stack:
         drawn = _observer(stack, localizer, library, DETAILS[way]) if way in DETAILS else None
+        scores = ResultCollector(["run"], library.arena, localizers={"run": localizer})
         began = perf_counter()
         for moment, records in run_together([run], repeated(session, steps)):
             if drawn is not None:
                 drawn.see(moment, records["run"])
+            if way == LASER_RUN:
+                scores.add_steps({"run": (moment, records["run"])})
         took_s = perf_counter() - began
         if drawn is not None:
             drawn.end()

@@ -151,13 +151,16 @@ class EvidenceFinder:
     def _later(
         self, record: StepRecord, before: F64 | None, truth: F64 | None, score: StepScore
     ) -> Callable[[], dict[str, Any]]:
-        """Return what finds the fields that cost much; it keeps neither cloud nor picture."""
+        """Return what finds the fields that cost much; it keeps the scan alone."""
         scan, motions, estimate = record.frame.scan, record.frame.motions, record.estimate.pose
-        laser = next((part for part in record.sighting.comparison.sensed if part.name == LASER), None)
+        sensed = (part for part in record.sighting.comparison.sensed if part.name == LASER)
+        unread = next((replace(part, reading=None, cost=np.zeros(0, np.float32)) for part in sensed), None)
+        frame = replace(record.frame, image=NO_PICTURE)
         localizer, scans, is_off = self.localizer, self.scans, score.correct is False
 
         def told() -> dict[str, Any]:
             pose = estimate if truth is None else truth
+            laser = None if unread is None else replace(unread, reading=unread.sensor.read(frame))
             fit = None if scans is None or scan is None else scans.lay(scan, laser, pose, estimate, is_off)
             if truth is None:
                 return {"scan_here": fit}
