@@ -10,10 +10,11 @@ import html
 import json
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -78,7 +79,8 @@ def lines(value: Any, key: str = "") -> Iterator[str]:
         yield f"{key}: {json.dumps(rounded(value), sort_keys=True, ensure_ascii=False)}"
 
 
-class Made(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Made:
     """A drive that was replayed and saved."""
 
     folder: Path
@@ -140,6 +142,7 @@ def made(driven: Any) -> Any:
     return make
 
 
+@lru_cache(None)
 def page_of(made: Made, *sections: str) -> str:
     """Return what sections of a report say; of a lane's bars also where they lie, and their color."""
     page = mv.report(made.run, made.folder / "report.html", force=True).read_text(encoding="utf-8")
@@ -171,6 +174,58 @@ def test_a_drive_with_truth_and_without(sensor, name, made, driven, remake):
     }
     text = "\n".join(f"== {title}\n\n{part}\n" for title, part in parts.items())
     expect_golden(f"{sensor}-{name}", one.plain(text), remake)
+
+
+def _of(key: str, how: str, times: float = 1.0) -> Callable[[dict[str, Any]], str]:
+    """Return how a figure of the JSON, by its path, is written; a dash for one that does not apply."""
+
+    def written(figures: dict[str, Any]) -> str:
+        value: Any = figures
+        for part in key.split("."):
+            value = None if value is None else value[part]
+        return "-" if value is None else f"{value * times:{how}}"
+
+    return written
+
+
+DEGREES = 180 / np.pi
+ROWS = {  # of a report's tables, and what they say of the JSON
+    "error, mean (m)": _of("position_error_mean_m", ".2f"),
+    "heading error, mean (deg)": _of("heading_error_mean_rad", ".1f", DEGREES),
+    "steps": _of("updates", "d", 1),
+    "distance (m)": _of("distance_m", ".2f"),
+    "position error, mean (m)": _of("position_error_mean_m", ".2f"),
+    "position error, median (m)": _of("position_error_median_m", ".2f"),
+    "position error, final (m)": _of("position_error_final_m", ".2f"),
+    "without the camera, mean (m)": _of("odometry_alone.position_error_mean_m", ".2f"),
+    "localized share": _of("localized_share", ".0%"),
+    "wrong and confident": _of("wrong_confident_share", ".0%"),
+    "knows where it is, without truth": _of("knows_where_it_is.share", ".0%"),
+}
+
+
+@pytest.mark.parametrize(("sensor", "name"), DRIVES)
+def test_every_figure_that_is_told_twice_is_one(sensor, name, made):
+    one, (run,) = made(sensor, name), made(sensor, name).scores.to_json()["runs"]
+    rows = re.findall(r"^([^|\n]+) \| ([^|\n]+)$", page_of(one, "summary"), re.MULTILINE)
+    assert {row for row, _ in rows} >= ROWS.keys() - {"without the camera, mean (m)"}
+    assert [(row, cell) for row, cell in rows if row in ROWS and cell != ROWS[row](run)] == []
+    saved, steps = mv.results(one.run).row(0, named=True), mv.traces(one.run)
+    same = [key for key, value in run.items() if isinstance(value, (int, float)) and key != "steps_per_s"]
+    assert {key: saved[key] for key in same} == {key: run[key] for key in same}
+    assert steps["error_m"][3:].mean() == pytest.approx(run["position_error_mean_m"])
+    assert steps["heading_error_rad"][3:].mean() == pytest.approx(run["heading_error_mean_rad"])
+    assert steps["error_m"][-1] == pytest.approx(run["verdict"]["error_end_m"])
+    told = {kind: [] for kind in ("lost", "failure", "localized")}
+    for event in mv.events(one.run).to_json()["runs"][0]["events"]:
+        told.get(event["kind"], []).append(event["step"])
+    assert told["lost"][:1] == ([] if run["lost_at_step"] is None else [run["lost_at_step"]])
+    assert told["failure"] == [failure["first"] for failure in run["verdict"]["failures"]]
+    lanes = re.findall(r"steps? (\d+)(?: to \d+)?: lost", page_of(one, "summary"))
+    lost = [
+        e["lost"] for e in run["verdict"]["episodes"] if e["lost"] is not None and e["kind"] != "searching"
+    ]
+    assert [int(step) for step in lanes[: len(lost)]] == lost
 
 
 EXAMINED = ("checks", "findings", "not_asked", "odometry_advice", "options", "said")

@@ -16,9 +16,11 @@ from maurice_mcl.reasons.causes import (
     OVERSTATED,
     PROPOSAL,
     SLIPPED,
+    Incident,
     IncidentFinder,
 )
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.values.map import Region
 
 HERE = at(1, 1, 1.0)
@@ -192,3 +194,71 @@ def test_two_places_that_share_the_weight_are_told_until_it_is_localized():
         (pytest.approx(0.55), pytest.approx(0.45)),
         pytest.approx(3, abs=0.05),
     )
+
+
+# Numbers, just under and just over.
+
+
+@pytest.mark.parametrize(("levels", "dark"), [([100] * 4, False), ([100] * 5, True)])
+def test_five_pictures_must_have_been_seen_before_three_are_dark(levels, dark):
+    gray = [*levels, 20, 20, 20]
+    assert bool(drive([(0.1, 0.1)] * len(gray), gray).incidents) == dark
+
+
+def test_where_the_log_tells_of_the_light_a_picture_is_dark_at_two_thirds():
+    told = [(0.1, 0.1)] * 6 + [(0.1, 0.1, "lights off")]
+    found = [any(i.kind == DARK for i in drive(told, [100] * 6 + [level]).incidents) for level in (67, 66)]
+    assert found == [False, True]
+
+
+def test_wheels_slip_where_half_of_the_way_is_missing():
+    found = [drive([(0.6, 0.6)] * 3 + [(0.6, moved)]).incidents for moved in (0.31, 0.29)]
+    assert [bool(one) for one in found] == [False, True]
+
+
+def test_references_score_alike_at_half_of_their_usual_scatter():
+    def alike(scatter):
+        finder = IncidentFinder()
+        for step in range(1, 10):
+            record, likely = made(HERE, step=step, references=3), np.array([-1, 0, 1], np.float32)
+            comparison = replace(
+                record.sighting.comparison, log_likelihood=likely * (1 if step < 7 else scatter)
+            )
+            frame = replace(record.frame, image=np.full((4, 6, 3), 100 if step < 7 else 10, np.uint8))
+            record = replace(record, frame=frame, sighting=replace(record.sighting, comparison=comparison))
+            finder.see(moment(record, NEAR), record)
+        return finder.incidents[-1].alike
+
+    assert [alike(0.51), alike(0.49)] == [False, True]
+
+
+def test_a_run_is_kept_from_half_on_and_a_loss_is_due_for_ten_steps():
+    assert [RunVerdict(localized=1, kept_share=share).is_kept for share in (0.49, 0.5)] == [False, True]
+    slipped = RunVerdict(incidents=(Incident(SLIPPED, 3, 5),))
+    losses = [Episode("lost", step, step + 9, wrong=step) for step in (15, 16)]
+    assert [slipped.incident_of(loss) is not None for loss in losses] == [True, False]
+
+
+def rest(share):
+    """Spread a share of the weight over a hundred places."""
+    return [(9.0 + k, 9.0, share / 100) for k in range(100)]
+
+
+@pytest.mark.parametrize(
+    ("cloud", "updates", "divided"),
+    [
+        (at(1, 1, 0.76) + at(4, 1, 0.24), 2, False),  # the second needs a quarter
+        (at(1, 1, 0.74) + at(4, 1, 0.26), 2, True),
+        (at(1, 1, 0.74) + at(4, 1, 0.26), 1, False),  # for two updates
+        (at(1, 1, 0.36) + at(4, 1, 0.33) + rest(0.31), 2, False),  # both need 0.7
+        (at(1, 1, 0.38) + at(4, 1, 0.33) + rest(0.29), 2, True),
+        (at(1, 1, 0.6) + at(2.18, 1, 0.4), 2, False),  # 2 radii *converged* apart, 1.22 m
+        (at(1, 1, 0.6) + at(2.26, 1, 0.4), 2, True),
+    ],
+)
+def test_two_places_share_the_weight(cloud, updates, divided):
+    builder = VerdictBuilder()
+    for step in range(1, updates + 1):
+        record = made(cloud, step=step)
+        builder.add(moment(record, NEAR), record)
+    assert (builder.result().ambiguity is not None) == divided

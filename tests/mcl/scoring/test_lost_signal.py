@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
+from maurice_mcl.reasons.second_opinion import FRESH_SHARE, OPINION
 from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.events import PROBABLY_LOST, EventDetector
-from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
-from maurice_mcl.values.records import LibraryEvidence, StepRecord
+from maurice_mcl.scoring.lost_signal import PROBABLY_LOST_BELOW, WEIGHTS, BeliefNumbers, LostSignal
+from maurice_mcl.values.records import LibraryEvidence, Opinion, StepRecord
 
 RIGHT = BeliefNumbers(-2.0, -7.0, -1.0, 1.0, 0.3, 0.3)
 LOST = replace(RIGHT, evidence=-10.0)
@@ -45,9 +48,32 @@ def test_impossible_evidence_is_a_number():
     assert 0 <= fed(signal, replace(RIGHT, evidence=-np.inf))[0] < 1
 
 
-@pytest.mark.parametrize("name", ["gain", "mass"])
-def test_what_speaks_for_the_estimate_has_a_positive_weight(name):
-    assert WEIGHTS[name] > 0
+def test_the_page_states_the_weights_and_the_limits():
+    page = (Path(__file__).parents[3] / "docs" / "lost-signal.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([a-z ]+) \| (-?\d+\.\d+) \|", page, re.MULTILINE)
+    ours = {**OPINION, **WEIGHTS}
+    assert {name: float(weight) for name, weight in rows if name in ours} == {
+        name: ours[name] for name in [*WEIGHTS, "near", "apart", "apart lately"]
+    }
+    assert f"Below {PROBABLY_LOST_BELOW:.0%}".replace("%", " %") in page
+    assert "a twentieth of them drawn anew" in page
+    assert FRESH_SHARE == 1 / 20
+
+
+@pytest.mark.parametrize(("knew", "is_lost"), [(0.49, False), (0.51, True)])
+def test_only_a_run_that_knew_where_it_is_by_half_can_be_probably_lost(knew, is_lost):
+    signal = LostSignal()
+    for not_lost in (knew, 0.01):
+        signal.add(replace(record(1, -2.0), opinion=Opinion(not_lost, 0.12)))
+    assert signal.probably_lost == is_lost
+
+
+def test_features_of_a_picture_count_for_ten_nats_and_half_of_the_mean():
+    signal = LostSignal()
+    signal.features(replace(RIGHT, evidence=3.5))  # 10.5 nats over the library
+    found = signal.features(replace(RIGHT, evidence=-10.0, mass=1.0, survivors=0.001))
+    assert (found["gain"], found["last gain"]) == (10.0 / 2 - 3.0 / 2, -3.0)
+    assert (found["mass"], found["survivors"]) == (pytest.approx(np.log(49)), pytest.approx(np.log(0.02)))
 
 
 def record(step: int, evidence: float) -> StepRecord:
