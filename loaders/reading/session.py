@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.library.quality import DrivePicture
+from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.session import NO_PICTURE, Camera, Frame, Moment, SessionInfo, is_kidnapping

@@ -15,7 +15,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, FilterParameters, Layer, configure, defaults
 from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.library.quality import DrivePicture
+from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.map_places import reference_of

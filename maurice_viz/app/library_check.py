@@ -15,8 +15,9 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.config.build import adapted
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
-from maurice_mcl.library.left_out import LeftOutTable, PlaceScore, score_places
-from maurice_mcl.library.quality import Coverage, DriveScore, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.library.drive_score import DriveScore
+from maurice_mcl.library.left_out import ENOUGH_PLACES, LeftOutTable, PlaceScore, score_places
+from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -40,6 +41,7 @@ class LibraryCheck:
     coverage: Coverage
     telling: PlaceScore  # whether its places can be told apart, with the fitted scales
     advice: LibraryAdvice  # what will be confused, and which references to add
+    wanted_m: float  # between places: as they are, or nearer where they are too sparse
     drive: DriveScore | None = None  # what a drive's pictures say about it; None: no drive was given
 
     def to_json(self) -> dict[str, Any]:
@@ -51,6 +53,8 @@ class LibraryCheck:
             "entries": self.library.size,
             "places": len(found.places),
             "spacing_m": found.spacing_m,
+            "reach_m": found.reach_m,
+            "wanted_spacing_m": self.wanted_m,
             "covered_share": covered.covered,
             "directions_share": covered.directions,
             "gaps": [asdict(gap) for gap in covered.gaps],
@@ -156,14 +160,31 @@ def check_library(
     nearest = nearest_reference(opened.poses, opened.arena)
     table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights))))
     similarity = self_similarity_of(table, progress_of(listener, "compare"))
-    covered, telling = coverage_of(opened, similarity.spacing_m), score_places(table)
+    telling = score_places(table)
+    wanted_m = _wanted_m(opened, similarity, telling)
+    covered, advice = coverage_of(opened, wanted_m), advise(opened, replace(similarity, spacing_m=wanted_m))
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
-    check = LibraryCheck(opened, similarity, covered, telling, advise(opened, similarity), of_drive)
+    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, of_drive)
     if to is not None:
         check.draw(to, force=force)
     if poses is not None:
         check.write_poses(poses, force=force)
     return check
+
+
+def _wanted_m(library: Library, similarity: SelfSimilarity, telling: PlaceScore) -> float:
+    """Return how far apart places should be, in meters; their spacing where that will do.
+
+    It will not where a picture no longer looks like its reference at the next place, or where a few places
+    cannot be told apart: then their number says how many the free space needs at least.
+    """
+    wanted_m = similarity.spacing_m
+    if similarity.is_sparse:
+        wanted_m = max(similarity.reach_m, wanted_m / 2)
+    if telling.worse_than_nothing and telling.places < ENOUGH_PLACES:
+        area_m2 = coverage_of(library, wanted_m).free_m2
+        wanted_m = min(wanted_m, float(np.sqrt(area_m2 / ENOUGH_PLACES)) or wanted_m)
+    return wanted_m
 
 
 def _pose(pose: F64) -> dict[str, float]:

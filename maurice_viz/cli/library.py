@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_mcl.library.advice import AMBIGUITY, CONFUSED_SHARE, GAP, HEADING, LibraryAdvice
+from maurice_mcl.library.advice import AMBIGUITY, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library.quality import Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 from maurice_mcl.values import ChannelIndex, Library
@@ -230,7 +230,7 @@ def _print(report: LibraryCheck, weights: Mapping[str, float]) -> None:
         table.add_row("drive", drive_score_of(report.drive))
     table.add_row("to add", _to_add(report.advice, scale))
     results.print(table)
-    lines = [*say_places(name, weights, report.telling)]
+    lines = [*say_places(name, weights, report.telling), *_sparse_lines(report, scale)]
     if report.drive is not None:
         lines += say_drive(name, weights, report.drive)
     lines += _gap_lines(report.coverage, scale)
@@ -246,6 +246,16 @@ def _coverage(covered: Coverage, scale: Scale) -> str:
         f"{covered.covered:.0%} of {scale.say_area(covered.free_m2)} {where} has an entry within "
         f"{scale.say(covered.reach_m)}; {covered.directions:.0%} of 8 directions there have one"
     )
+
+
+def _sparse_lines(report: LibraryCheck, scale: Scale) -> Iterator[str]:
+    found, covered = report.similarity, report.coverage
+    if report.wanted_m < found.spacing_m:
+        places, area = len(found.places), scale.say_area(covered.free_m2)
+        yield (
+            f"sparse: {places} places {scale.say(found.spacing_m)} apart for {area}; at "
+            f"{scale.say(report.wanted_m)} {covered.covered:.0%} of it has one, and `to add` is for that"
+        )
 
 
 def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
@@ -266,7 +276,10 @@ def _pair_lines(library: Library, similarity: SelfSimilarity, scale: Scale) -> I
 
 def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
     if not advice.added:
-        return "nothing: every heading has a reference near, and no place is confused"
+        near, confused = "nothing: every heading has a reference near", len(advice.confusions)
+        if confused:
+            return f"{near}, and there is no free place beside the {confused} that are confused"
+        return f"{near}, and no entry is confused"
     reasons = {GAP: "in gaps", HEADING: "for headings", AMBIGUITY: "between places that are confused"}
     counts = [f"{advice.count(why)} {where}" for why, where in reasons.items() if advice.count(why)]
     return f"{len(advice.added)} references: {', '.join(counts)}"
@@ -297,6 +310,7 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
     table, places = _table_of(library.name), similarity.at_places(similarity.ambiguity)
     spacing = f"neighbors of one heading are {scale.say(similarity.spacing_m)} apart"
     table.add_row("entries", f"{library.size} at {len(similarity.places)} places; {spacing}")
+    table.add_row("view", f"a picture looks like its reference up to {scale.say(similarity.reach_m)} away")
     table.add_row("coverage", _coverage(covered, scale))
     retrieved = f"{similarity.retrieved_right:.0%} at a neighboring place, same heading"
     table.add_row("left out, found again", retrieved)
@@ -306,10 +320,11 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
         f"{len(similarity.aliased)} of {library.size} entries ({share:.0%}) are more like one far away than "
         "like any neighbor",
     )
-    mean, often = float(similarity.confusion.mean()), int((similarity.confusion > CONFUSED_SHARE).sum())
+    mean, often = float(similarity.confusion.mean()), len(similarity.confused)
     table.add_row(
         "confused",
-        f"{mean:.0%} of a picture's likelihood is far away on average; over half for {often} entries",
+        f"{mean:.0%} of a picture's likelihood is far away on average; {often} entries are like one far away "
+        "and have over half there",
     )
     middle, most = float(np.median(places)), float(places.max())
     table.add_row("ambiguity", f"{middle:.1f} places fit a picture (median), {most:.1f} at worst")

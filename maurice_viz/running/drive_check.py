@@ -18,7 +18,7 @@ from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import STRATEGIES
-from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive
+from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.values import F64, Domain, Library, stream

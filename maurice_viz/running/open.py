@@ -26,7 +26,7 @@ from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.library.quality import DrivePicture
+from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.outside import load_sensor
 from maurice_mcl.sensor.references import NearestReference

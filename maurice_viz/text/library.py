@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
+from maurice_mcl.library.drive_score import DriveScore
 from maurice_mcl.library.left_out import PlaceScore
-from maurice_mcl.library.quality import DriveScore
 
 WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
 ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"

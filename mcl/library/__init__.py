@@ -2,8 +2,8 @@
 
 Nothing here moves particles or reads files; constants that are fitted to a library belong in `fitting`.
 
-- `quality`: what a library covers, and how well it distinguishes its own places, whether a drive's
-  pictures fit where they were taken; `advice`: what to add to it
+- `quality`: what a library covers, and how well it distinguishes its own places; `advice`: what to add to it
+- `drive_score`: whether a drive's pictures fit where they were taken
 - `left_out`: the table of its pictures, each compared with all other places, from which the others read
 - `occupancy_building`: the map of a laser, from scans with known poses
 """

@@ -17,7 +17,6 @@ from ..values import F64, Bool, Library, distinct_places, place_tree, wrap
 from .left_out import ONE_PLACE
 from .quality import DIRECTIONS, VIEW_RAD, SelfSimilarity, free_space
 
-CONFUSED_SHARE = 0.5  # share of the likelihood elsewhere from which on a far place that looks alike counts
 GAP, HEADING, AMBIGUITY = "gap", "heading", "ambiguity"
 FILLED_SPACINGS = 0.75  # by a new reference: a grid of references reaches 0.71 of its spacing
 LEAST_AREA_SPACINGS = 0.1  # squared, that a new reference adds at least
@@ -79,13 +78,13 @@ def advise(library: Library, similarity: SelfSimilarity) -> LibraryAdvice:
 
 
 def _confusions(library: Library, similarity: SelfSimilarity) -> tuple[Confusion, ...]:
-    alias, margin, confusion = similarity.alias, similarity.margin, similarity.confusion
+    alias = similarity.alias
     apart_m = np.hypot(*(library.poses[alias, :2] - library.poses[:, :2]).T)
-    worst = np.argsort(-np.where(margin < 0, confusion, 0.0), kind="stable")
     return tuple(
-        Confusion(k, int(alias[k]), float(apart_m[k]), float(confusion[k]), int(similarity.rank[k]))
-        for k in worst.tolist()
-        if confusion[k] > CONFUSED_SHARE and margin[k] < 0
+        Confusion(
+            k, int(alias[k]), float(apart_m[k]), float(similarity.confusion[k]), int(similarity.rank[k])
+        )
+        for k in similarity.confused.tolist()
     )
 
 

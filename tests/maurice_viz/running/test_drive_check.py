@@ -19,8 +19,8 @@ from helpers.commands import maurice
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import ALPHAS, PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
+from maurice_mcl.library.drive_score import MUTED, DrivePicture
 from maurice_mcl.library.left_out import PlaceScore
-from maurice_mcl.library.quality import MUTED, DrivePicture
 from maurice_mcl.scoring.comparison import DeadReckoning
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import nearest_reference

@@ -10,7 +10,7 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.examples import picture_at
-from maurice_mcl.library.quality import (
+from maurice_mcl.library.drive_score import (
     LEAST_PICTURES,
     MOST_PICTURES,
     MUTED,

@@ -127,3 +127,23 @@ def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_wa
     found = checked(library_of(poses, np.column_stack([smooth(poses)[:, 0], 40 + 400 * (poses[:, 2] > 1)])))
     assert found.spacing_m == pytest.approx(0.5)
     assert found.retrieved_right == 1
+
+
+def test_a_view_reaches_as_far_as_pictures_look_like_their_references_and_is_compared_with_the_spacing():
+    found = checked(library_of(grid(), smooth(grid())))
+    assert found.reach_m >= 1.05 * STEP_M
+    assert not found.is_sparse
+    looks = np.random.default_rng(0).uniform(0, 200, (COLUMNS * ROWS, 2))  # no place looks like the next
+    found = checked(library_of(grid(), looks))
+    assert found.reach_m == 0
+    assert found.is_sparse
+
+
+def test_confused_entries_have_an_alias_and_most_of_their_likelihood_far_away():
+    poses = grid()
+    looks = smooth(poses)
+    looks[COLUMNS - 1] = looks[0]
+    found = checked(library_of(poses, looks))
+    assert {0, COLUMNS - 1} == set(found.confused.tolist())
+    assert (found.confusion[found.confused] > 0.5).all()
+    assert set(found.confused.tolist()) <= set(found.aliased.tolist())
