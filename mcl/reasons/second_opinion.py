@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..filter.localizer import Localizer
 from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
+from ..library.left_out import WIDENINGS
 from ..scoring.lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal, probability
 from ..values import F32, F64, I32, Domain, Opinion, StepRecord, stream
 
@@ -44,6 +45,12 @@ OPINION: Mapping[str, float] = {
     "apart lately": 0.28,
 }
 SENSED_SHARE = 0.5  # log odds per nat by which pose sensors put the estimate before every other place
+# Log odds for a camera whose scales were widened, since its pictures misled: of it by channels alone, and of
+# the widening's logarithm. Fitted on real drives by benchmarks/studies/real_belief.py (docs/lost-signal.md).
+# Landmarks do not speak for the estimate there: stated above 90 % by them, half of the steps were lost.
+WIDENED: Mapping[str, float] = {"constant": 0.5, "log odds": 0.43, "log widening": 0.87}
+UNUSED = float(WIDENINGS[-1])  # widened by so much or more, no picture told anything ...
+MOST_OF_UNUSED = 0.5  # ... so that it is never said that it knows where it is
 # probability of not being lost below which it is an alarm: with a calibrated likelihood, and with any
 LOST_BELOW, LOST_BELOW_ANY = 0.5, 0.12
 
@@ -164,6 +171,7 @@ class SecondOpinion:
     second: SecondFilter
     not_lost: float | None = None  # probability that the last estimate is not lost; None: not known
     _reader: OpinionReader = field(default_factory=OpinionReader)
+    raw: float = 0.0  # log odds of the last update by channels alone, before the widening counts
     _sensed: float = 0.0  # running mean of the nats by which pose sensors speak for the estimate
 
     @classmethod
@@ -201,8 +209,21 @@ class SecondOpinion:
         self.second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
         features = self._reader.features(numbers, self.second.shares(record.estimate.pose))
         self._sensed += RATE * (sensed_ahead(record, self.second.localizer) - self._sensed)
-        self.not_lost = probability(OPINION, features, SENSED_SHARE * self._sensed)
+        self.raw = sum(weight * features[name] for name, weight in OPINION.items())
+        widening = self.second.localizer.sensor.parameters.widening
+        if widening == 1:
+            self.not_lost = probability(OPINION, features, SENSED_SHARE * self._sensed)
+        elif widening < UNUSED:
+            self.not_lost = recalibrated(self.raw, widening)
+        else:
+            self.not_lost = min(probability(OPINION, features), MOST_OF_UNUSED)
         return self.not_lost
+
+
+def recalibrated(raw: float, widening: float, weights: Mapping[str, float] = WIDENED) -> float:
+    """Return the probability of not being lost, from its log odds by a camera that was widened so much."""
+    features = {"constant": 1.0, "log odds": raw, "log widening": math.log(widening)}
+    return probability(weights, features)
 
 
 def sensed_ahead(record: StepRecord, localizer: Localizer) -> float:

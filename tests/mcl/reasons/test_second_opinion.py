@@ -12,9 +12,12 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import (
     LOST_BELOW,
     LOST_BELOW_ANY,
+    MOST_OF_UNUSED,
+    UNUSED,
     SecondFilter,
     SecondOpinion,
     Shares,
+    recalibrated,
 )
 from maurice_mcl.scoring.lost_signal import LostSignal
 from maurice_mcl.values.records import Opinion, StepRecord
@@ -135,3 +138,27 @@ def test_a_picture_that_gives_no_numbers_has_no_opinion(localizer, records):
 
 def test_no_second_opinion_beside_a_filter_that_does_not_know_how_it_moves():
     assert SecondOpinion.beside(mcl.make_localizer(mcl.tiny_library())) is None
+
+
+def widened(localizer: Localizer, widening: float) -> Localizer:
+    parameters = replace(localizer.sensor.parameters, widening=widening)
+    return replace(localizer, sensor=replace(localizer.sensor, parameters=parameters))
+
+
+def stated(localizer: Localizer) -> list[tuple[float, float]]:
+    """Return the log odds by channels alone and what is stated, update by update."""
+    opinion, found = SecondOpinion.of(localizer), []
+    for _, record in mcl.run(localizer, mcl.tiny_session()):
+        found.append((opinion.add(record), opinion.raw)[::-1])
+    return found
+
+
+def test_a_camera_that_was_widened_states_what_it_was_measured_to_be_and_one_not_used_never_knows(localizer):
+    plain = stated(localizer)
+    assert all(said == pytest.approx(1 / (1 + np.exp(-raw))) for raw, said in plain)
+    for raw, said in stated(widened(localizer, 4.0)):
+        assert said == pytest.approx(recalibrated(raw, 4.0))
+        assert said != pytest.approx(1 / (1 + np.exp(-raw)))
+    assert recalibrated(8.0, 4.0) < 1 / (1 + np.exp(-8.0))  # less sure at the top
+    for factor in (UNUSED, 1e4):
+        assert all(said <= MOST_OF_UNUSED for _, said in stated(widened(localizer, factor)))
