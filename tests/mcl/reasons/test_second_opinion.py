@@ -154,7 +154,7 @@ def stated(localizer: Localizer) -> list[tuple[float, float]]:
 
 
 def test_a_camera_that_was_widened_states_what_it_was_measured_to_be_and_one_not_used_never_knows(localizer):
-    plain = stated(localizer)
+    plain = stated(widened(localizer, 1.0))
     assert all(said == pytest.approx(1 / (1 + np.exp(-raw))) for raw, said in plain)
     for raw, said in stated(widened(localizer, 4.0)):
         assert said == pytest.approx(recalibrated(raw, 4.0))
