@@ -1,14 +1,9 @@
-"""The diagnosis of one run: one cause, with its evidence, for each time that it was lost.
-
-The rules are asked in an order (docs/diagnose.md). What befell the recording and the robot comes first, as
-everything after it follows from it. Then what is known of the place, the light and the view, as no filter can
-do without them. What is left is due to the filter: its sensor model, its particles, and chance.
-"""
+"""The diagnosis of one run: one cause, with its evidence, for each time that it was lost, by `rules`."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..filter.localizer import Localizer
@@ -17,33 +12,7 @@ from ..scoring.metrics import LOST_FOR
 from ..sensor.laser.fit import ScanFits
 from ..sensor.map_places import map_library
 from ..values import F64, U8, Moment, OccupancyMap, StepRecord
-from .causes import (
-    FLAT,
-    LEFT_MAP,
-    LIBRARY_GAP,
-    LIGHTING,
-    MOTION,
-    MOUNT,
-    UNKNOWN,
-    UNSEEN,
-    VIEW,
-    WRONG_MAP,
-    Failure,
-)
-from .drive_rules import (
-    beyond_motion,
-    carried,
-    gap_in_log,
-    no_particle,
-    odometry_jumps,
-    off_map,
-    out_of_plane,
-    recorded_jump,
-    slipped_as_told,
-    stuck_pictures,
-    unlucky,
-    weights_vanish,
-)
+from .causes import Failure
 from .evidence import (
     FIRST_UPDATES,
     LOOKBACK_UPDATES,
@@ -52,59 +21,12 @@ from .evidence import (
     Story,
     UpdateEvidence,
 )
-from .laser_rules import ABOUT_FILTER, ABOUT_SCANS, BEFORE_MOTION
-from .picture_rules import ambiguity, library_gap, lighting, unlike_references
+from .rules import decide, suspected
 from .surroundings import Surroundings, light_fit
-from .suspicion import scan_doubts, suspected
+from .suspicion import scan_doubts
 
-RULES: tuple[Callable[[Story], Failure | None], ...] = (
-    gap_in_log,
-    stuck_pictures,
-    odometry_jumps,
-    carried,
-    off_map,
-    out_of_plane,
-    recorded_jump,
-    *BEFORE_MOTION,
-    beyond_motion,
-    weights_vanish,
-    *ABOUT_SCANS,
-    library_gap,
-    lighting,
-    unlike_references,
-    slipped_as_told,
-    *ABOUT_FILTER,
-    unlucky,
-    ambiguity,
-    no_particle,
-)
-# causes by which pictures or scans speak against the true place
-AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW, MOUNT, WRONG_MAP, UNSEEN)
-COMPARED = (*AGAINST_TRUTH, FLAT)
 MOST_WAITING = 2000  # updates whose scans and movements are looked at only when a run fails
 MOST_PICTURES = 64  # that are kept; of older ones the light is measured at once
-
-
-def decide(story: Story) -> Failure:
-    """Return the cause of one episode, with the others that hold.
-
-    That is the first rule's that holds. A movement and a picture that coincide are weighed: the cause is the
-    one by which more of the weight near the truth was lost.
-    """
-    failures = [failure for rule in RULES if (failure := rule(story)) is not None]
-    if not failures:
-        return story.failure(UNKNOWN, story.updates[story.lost].step)
-    first, by_pictures = failures[0], [failure for failure in failures if failure.kind in AGAINST_TRUTH]
-    if first.kind == MOTION and by_pictures:
-        motion_nats, picture_nats = story.nats_lost
-        first = by_pictures[0] if picture_nats > motion_nats else first
-    implied: tuple[str, ...] = (
-        (first.kind, *COMPARED) if first.kind == LEFT_MAP else (first.kind,)
-    )  # nothing there to compare
-    if first.kind == MOUNT and "ahead_m" in first.evidence:
-        implied = (MOUNT, WRONG_MAP, VIEW, UNSEEN)  # these follow from a laser that is elsewhere
-    others = dict.fromkeys(failure.kind for failure in failures if failure.kind not in implied)
-    return replace(first, also=tuple(others))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,22 +5,22 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
+from ..filter.motion import MotionModel
 from ..scoring.episodes import Episode, EpisodeFinder
-from ..scoring.lost_signal import evidence_by_channels
+from ..scoring.lost_signal import KNOWS_ABOVE, evidence_by_channels
 from ..scoring.metrics import StepScore
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER, Laser
-from ..values import F32, F64, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping
+from ..values import F32, F64, INCH_M, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
 from .causes import Failure, Value, driven
-from .surprise import Surprise, surprise
 from .surroundings import LightFit, PlaceFit, Surroundings, UsualFit, layout_fit, mean_level
 
 MOVED_LEAST = 0.01  # m or rad, from which on the next picture must differ
@@ -215,6 +215,60 @@ def _floor_after(events: tuple[str, ...], last: str) -> str:
     return floors[-1] if floors else last
 
 
+# How far a true movement is from what a motion model makes of odometry.
+
+DRAWS, KEPT = 200, 32  # particles that stand for the model; movements with noise of their own
+TOGETHER = (0.1, 0.1, float(np.radians(2)))  # m, m, rad: standard deviations of a cloud that found itself
+TRUTH_M, TRUTH_RAD = INCH_M, float(np.radians(2))  # accuracy of a true pose
+
+
+@dataclass(frozen=True, slots=True)
+class Surprise:
+    """A true movement beside the model's, in the frame of the movement's end, in standard deviations."""
+
+    forward: float
+    left: float
+    turn: float
+    growth: float = 0.0  # nats by which the movement widens a cloud that had found itself
+
+    @property
+    def largest(self) -> float:
+        """The largest of the three, without its sign."""
+        return max(abs(self.forward), abs(self.left), abs(self.turn))
+
+    @property
+    def axis(self) -> str:
+        """Which of the three that is."""
+        return max(("forward", "left", "turn"), key=lambda name: abs(getattr(self, name)))
+
+
+@lru_cache(1)
+def _noise() -> F32:
+    """Standard normals (KEPT, DRAWS, 3): the same for every movement, so that nothing depends on chance."""
+    return np.random.default_rng(1).standard_normal((KEPT, DRAWS, 3)).astype(np.float32)
+
+
+def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: F64) -> Surprise:
+    """Compare the true movement between two poses (3,) with what a model makes of motions (M, 3)."""
+    start = before - np.append(origin, 0.0)
+    poses: F32 = np.tile(start.astype(np.float32), (DRAWS, 1))
+    for number, motion in enumerate(motions):
+        poses = model.move(poses, origin, motion, _noise()[number % KEPT])
+    ends = poses.astype(np.float64)
+    mean = ends.mean(axis=0)
+    heading = float(np.arctan2(np.sin(ends[:, 2]).mean(), np.cos(ends[:, 2]).mean()))
+    spread = ends - mean
+    spread[:, 2] = wrap(ends[:, 2] - heading)
+    off = after - np.append(origin, 0.0) - mean
+    off[2:] = wrap(after[2:] - heading)
+    c, s = np.cos(heading), np.sin(heading)
+    turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    sd = np.sqrt((spread @ turned.T).var(axis=0) + np.square([TRUTH_M, TRUTH_M, TRUTH_RAD]))
+    forward, left, turn = (turned @ off / sd).tolist()
+    growth = float(np.log1p(spread.var(axis=0) / np.square(TOGETHER)).sum() / 2)
+    return Surprise(forward, left, turn, growth)
+
+
 # One episode with the evidence before and during it: what the rules of a diagnosis look at.
 
 NEAR_SHARE = 0.5  # share of the weight near the truth that counts as having it
@@ -224,6 +278,7 @@ AWAY_UPDATES, AWAY_SHARE = 4, 0.75  # at another place: at least so many, and th
 CLEAR_SHARE = 0.15  # of the spread of log-likelihoods over the library
 WENT_ON = 2.0  # times the usual way between updates: farther than a robot that waits goes before the next
 LEAST_SHARE = 0.5  # over the number of particles: a smaller share near the truth is none
+BEGAN_UPDATES = 10  # before it is probably lost, in which that began
 LOOKBACK_UPDATES = 30  # before a loss, that are looked at if the truth was never held
 
 
@@ -236,6 +291,7 @@ class Story:
     since: int = 0  # of the first update after the failure before
     spacing_m: float = float("nan")  # of the library's places
     usual: UsualFit | None = None  # of the library's own pictures; None: not known
+    levels: F64 | None = None  # (L, 3) how light the references are; None: not known
 
     @cached_property
     def lost(self) -> int:
@@ -260,6 +316,19 @@ class Story:
         """The index of the last update before the loss at which the cloud held the truth; None: never."""
         good = [k for k in range(self.since, self.lost) if self.updates[k].share_near >= NEAR_SHARE]
         return good[-1] if good else None
+
+    @cached_property
+    def began(self) -> int:
+        """The update at which a doubt began: after it last knew where it was."""
+        began = self.lost
+        while began > max(self.lost - BEGAN_UPDATES, 1) and not knows_where(self.updates[began - 1]):
+            began -= 1
+        return began
+
+    @cached_property
+    def doubted(self) -> range:
+        """The updates at which what made a run doubtful shows, without truth: since one before it began."""
+        return range(max(self.began - 1, 0), self.lost + 1)
 
     @cached_property
     def window(self) -> range:
@@ -353,6 +422,11 @@ class Story:
     def failure(self, kind: str, first: int, **evidence: Value) -> Failure:
         """Return the failure of a kind, whose cause shows first at a step."""
         return Failure(kind, first, self.episode, evidence)
+
+
+def knows_where(update: UpdateEvidence) -> bool:
+    """Return whether the lost signal says that a run knows where it is."""
+    return (update.knows or 0.0) > KNOWS_ABOVE
 
 
 def median(values: Iterable[float]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -157,11 +157,6 @@ def fits_elsewhere(story: Story) -> Failure | None:
         where = {"turned_deg": float(np.degrees(turned))}
     along = {"corridor": "yes"} if median(fit.between for fit in fits) <= ALIKE_NATS else {}
     return story.failure(AMBIGUITY, wrong[0].step, ahead_nats=ahead, **where, **along, scans=len(fits))
-
-
-BEFORE_MOTION: tuple[Callable[[Story], Failure | None], ...] = (left_mapped,)
-ABOUT_SCANS = (wrong_mount, wrong_map, walls_unseen, scene_changed)
-ABOUT_FILTER = (wrong_start, range_cut, fits_elsewhere, too_flat)
 
 
 def _wrong(story: Story) -> list[UpdateEvidence]:

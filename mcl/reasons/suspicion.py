@@ -1,4 +1,4 @@
-"""What can be said of a run without ground truth: when it was probably lost, by the second opinion, and why.
+"""The rules that are asked of a run without ground truth, which was probably lost by the second opinion.
 
 The estimate of a run that is probably lost is no place to compare anything with. So a cause is named only by
 what does not hang on it: the log, the recording, the weights, and how well the best reference of the whole
@@ -10,57 +10,24 @@ wrong and a light that changed (docs/diagnose.md has how often each is named).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 
-from ..scoring.episodes import PROBABLY_LOST, Episode
-from ..scoring.lost_signal import KNOWS_ABOVE
 from ..sensor.laser.fit import OFF_SHARE, ScanFit
 from ..values import F64
 from .causes import KIDNAPPED, LIGHTING, UNKNOWN, VIEW, Failure
-from .drive_rules import (
-    VERY_LONG_GAP,
-    cloud_left,
-    estimate_jump,
-    gap_before,
-    has_left,
-    odometry_jumps,
-    stuck_pictures,
-    too_slow,
-    weights_vanish,
-)
+from .drive_rules import VERY_LONG_GAP, cloud_left, estimate_jump, gap_before, has_left, too_slow
 from .evidence import FIRST_UPDATES, Story, UpdateEvidence
-from .surroundings import Surroundings
 
 USUAL_UPDATES = 20  # before, of which the usual level is taken
 FALLEN_NATS = 2.0  # below the usual level
 LEAST_PICTURES = 3  # that fit no reference
 UNLIKE_TIMES = 1.6  # the usual cost of a library's own pictures: the best reference of all shows another view
-BEGAN_UPDATES = 10  # before it is probably lost, in which that began
 LIGHT_TIMES = 1.5  # as bright or as dark as any reference
 AS_LIGHT_TIMES = 1.35  # as light as before: else it may be the light that changed
 SCANS_IN_A_ROW = 3  # that do not fit: fewer may be people in view
 LOG_SAYS = "the log says so"  # that it was carried
-
-
-def suspected(
-    updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int]], around: Surroundings | None = None
-) -> tuple[Failure, ...]:
-    """Return each doubt of a run without truth, from step to step, with its cause where one shows, in order.
-
-    A run that never knew where it is has no doubt; of it the weights and the map can tell.
-    """
-    failures = [
-        _cause(Story(updates, Episode(PROBABLY_LOST, first, last, noticed=first)), around)
-        for first, last in doubts
-    ]
-    if not failures and updates and not any(map(_knows, updates)):
-        first, last = updates[0].step, updates[-1].step
-        story = Story(updates, Episode(PROBABLY_LOST, first, last, noticed=first))
-        failures = [failure for rule in (weights_vanish, _left) if (failure := rule(story)) is not None][:1]
-    return tuple(replace(failure, truth_known=False) for failure in failures)
 
 
 def scan_doubts(updates: Sequence[UpdateEvidence]) -> tuple[tuple[int, int], ...]:
@@ -74,9 +41,44 @@ def _is_off(update: UpdateEvidence) -> bool:
     return fit is not None and update.score.converged and fit.off >= OFF_SHARE
 
 
-def _by_scans(story: Story) -> Failure:
-    """Return since when scans do not fit the map at the estimate; why is not known without truth."""
+def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
+    return [update.scan_here for update in updates if update.scan_here is not None]
+
+
+def told_carried(story: Story) -> Failure | None:
+    """The log tells that the robot was carried."""
+    told = story.where(story.doubted, lambda u: u.kidnapped)
+    return story.failure(KIDNAPPED, told[0].step, told=LOG_SAYS) if told else None
+
+
+def left_map(story: Story) -> Failure | None:
+    """The whole cloud left the map."""
+    outside = story.where(story.doubted, has_left)
+    return cloud_left(story, outside[:1]) if outside else None
+
+
+def ever_left_map(story: Story) -> Failure | None:
+    """The whole cloud of a run that never knew where it is left the map."""
+    outside = story.where(story.since_last, has_left)
+    return cloud_left(story, outside) if outside else None
+
+
+def long_gap(story: Story) -> Failure | None:
+    """Pictures and odometry of a long time are missing."""
+    late = story.where(story.doubted, lambda u: story.waited(u) >= VERY_LONG_GAP)
+    return gap_before(story, late[0]) if late else None
+
+
+def skipped(story: Story) -> Failure | None:
+    """A live source was faster than the filter."""
+    return too_slow(story, story.updates[story.began : story.lost + 1])
+
+
+def scans_off(story: Story) -> Failure | None:
+    """Scans do not fit the map at the estimate; why is not known without truth."""
     updates, begin = story.updates, story.lost
+    if updates[begin].scan_here is None:
+        return None
     while begin > 0 and (fit := updates[begin - 1].scan_here) is not None and fit.off >= OFF_SHARE:
         begin -= 1
     off = _scans([update for update in updates[begin:] if update.step <= story.episode.last])
@@ -84,76 +86,45 @@ def _by_scans(story: Story) -> Failure:
     return story.failure(UNKNOWN, updates[begin].step, **estimate_jump(updates[begin]), **numbers)
 
 
-def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
-    return [update.scan_here for update in updates if update.scan_here is not None]
+def unlike_all(story: Story) -> Failure | None:
+    """The first pictures of a doubt are unlike all references, wherever these are.
 
-
-def _began(updates: Sequence[UpdateEvidence], lost: int) -> int:
-    """Return where a doubt at an update began: after it last knew where it was, by index."""
-    begin = lost
-    while begin > max(lost - BEGAN_UPDATES, 1) and not _knows(updates[begin - 1]):
-        begin -= 1
-    return begin
-
-
-def _knows(update: UpdateEvidence) -> bool:
-    return (update.knows or 0.0) > KNOWS_ABOVE
-
-
-def _left(story: Story) -> Failure | None:
-    outside = [update for update in story.updates if has_left(update)]
-    return cloud_left(story, outside) if outside else None
-
-
-def _cause(story: Story, around: Surroundings | None) -> Failure:
-    """Return what made a run probably lost, of what can be seen without truth."""
-    updates, lost = story.updates, story.lost
-    begin = _began(updates, lost)
-    since = updates[begin : lost + 1]
-    for update in updates[max(begin - 1, 0) : lost + 1]:
-        if update.kidnapped:
-            return story.failure(KIDNAPPED, update.step, told=LOG_SAYS)
-        if has_left(update):
-            return cloud_left(story, [update])
-        if story.waited(update) >= VERY_LONG_GAP:
-            return gap_before(story, update)
-    if (failure := odometry_jumps(story) or too_slow(story, since)) is not None:
-        return failure
-    if updates[lost].scan_here is not None:
-        return _by_scans(story)
-    for rule in (stuck_pictures, weights_vanish):
-        if (failure := rule(story)) is not None:
-            return failure
-    before = updates[max(0, begin - USUAL_UPDATES) : begin] or since
-    cloud, best = (_medians(before, since, name) for name in ("cloud", "best"))
-    evidence = {"knows": updates[lost].knows or 0.0, "cloud_nats": cloud[1], "usual_cloud_nats": cloud[0]}
-    evidence |= {"best_nats": best[1], "usual_best_nats": best[0]}
-    if (failure := _by_pictures(story, begin, best[0], around)) is not None:
-        return replace(failure, evidence={**failure.evidence, **evidence})
-    return story.failure(UNKNOWN, since[0].step, **evidence)
-
-
-def _by_pictures(story: Story, begin: int, before_nats: float, around: Surroundings | None) -> Failure | None:
-    """Return what the first pictures of a doubt tell beside all references, wherever these are.
-
-    None where that is nothing, or where they are few: one picture can be of a place between two references.
+    None where they are few: one picture can be of a place between two references.
     """
-    usual = None if around is None else around.usual
-    since = story.updates[begin : min(story.lost + FIRST_UPDATES, story.end + 1)]
-    if around is None or usual is None or not np.isfinite(usual.cost) or len(since) < LEAST_PICTURES:
+    usual, since = story.usual, story.updates[story.began : min(story.lost + FIRST_UPDATES, story.end + 1)]
+    if usual is None or not np.isfinite(usual.cost) or len(since) < LEAST_PICTURES:
         return None
     best_nats = float(np.median([update.best for update in since]))
-    times = -best_nats / usual.cost
-    if times <= UNLIKE_TIMES or before_nats - best_nats < FALLEN_NATS:
+    times, evidence = -best_nats / usual.cost, _levels(story)
+    if times <= UNLIKE_TIMES or evidence["usual_best_nats"] - best_nats < FALLEN_NATS:
         return None
     level = float(np.median([update.gray for update in since]))
-    if (lightness := _beyond(level, around.levels)) is not None:
+    if (lightness := _beyond(level, story.levels)) is not None:
         ratio, expected = lightness
-        levels = {"brightness": ratio, "level": level, "expected_level": expected}
-        return story.failure(LIGHTING, since[0].step, **levels, times_usual=times)
-    before = float(np.median([update.gray for update in story.updates[:begin]] or [level]))
+        light = {"brightness": ratio, "level": level, "expected_level": expected}
+        return story.failure(LIGHTING, since[0].step, **light, times_usual=times, **evidence)
+    before = float(np.median([update.gray for update in story.updates[: story.began]] or [level]))
     as_light = 1 / AS_LIGHT_TIMES < level / max(before, 1e-9) < AS_LIGHT_TIMES
-    return story.failure(VIEW, since[0].step, times_usual=times) if as_light else None
+    return story.failure(VIEW, since[0].step, times_usual=times, **evidence) if as_light else None
+
+
+def unexplained(story: Story) -> Failure:
+    """Nothing that can be seen without truth explains the doubt."""
+    return story.failure(UNKNOWN, story.updates[story.began].step, **_levels(story))
+
+
+def _levels(story: Story) -> dict[str, float]:
+    """Return how well cloud and best reference explained the pictures before a doubt, and since."""
+    began, lost = story.began, story.lost
+    since = story.updates[began : lost + 1]
+    before = story.updates[max(0, began - USUAL_UPDATES) : began] or since
+    cloud, best = (_medians(before, since, name) for name in ("cloud", "best"))
+    numbers = {
+        "knows": story.updates[lost].knows or 0.0,
+        "cloud_nats": cloud[1],
+        "usual_cloud_nats": cloud[0],
+    }
+    return numbers | {"best_nats": best[1], "usual_best_nats": best[0]}
 
 
 def _beyond(level: float, levels: F64 | None) -> tuple[float, float] | None:

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from maurice_mcl.reasons.diagnosis import stories_of
-from maurice_mcl.reasons.evidence import Story, UpdateEvidence
-from maurice_mcl.reasons.surprise import Surprise
+from maurice_mcl.reasons.evidence import Story, Surprise, UpdateEvidence
 from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.modes import NearTruth

@@ -13,10 +13,9 @@ import pytest
 from helpers.lost_runs import ALL, GONE, LOST_AT, OFF, RIGHT, SINCE, UPDATES, stories
 from helpers.lost_runs import healthy as healthy_run
 from maurice_mcl.reasons.causes import CAUSES, INCIDENTS
-from maurice_mcl.reasons.diagnosis import decide
-from maurice_mcl.reasons.surprise import Surprise
+from maurice_mcl.reasons.evidence import Surprise
+from maurice_mcl.reasons.rules import decide, suspected
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
-from maurice_mcl.reasons.suspicion import suspected
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.modes import NearTruth
 from maurice_mcl.sensor.laser.fit import ScanFit

@@ -9,8 +9,9 @@ import pytest
 
 from helpers.lost_runs import ALL, GONE, OFF, SINCE, UPDATES, healthy, stories
 from maurice_mcl.reasons.causes import CAUSES
-from maurice_mcl.reasons.diagnosis import decide, scan_doubts, suspected
-from maurice_mcl.reasons.surprise import Surprise
+from maurice_mcl.reasons.evidence import Surprise
+from maurice_mcl.reasons.rules import decide, suspected
+from maurice_mcl.reasons.suspicion import scan_doubts
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import say_cause, say_evidence, say_remedy
