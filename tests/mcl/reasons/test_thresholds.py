@@ -13,10 +13,9 @@ import pytest
 
 from helpers.lost_runs import ALL, GONE, LOST_AT, SINCE, healthy
 from maurice_mcl.reasons import drive_rules, laser_rules, picture_rules
-from maurice_mcl.reasons.evidence import Story
-from maurice_mcl.reasons.surprise import Surprise
+from maurice_mcl.reasons.evidence import Story, Surprise
+from maurice_mcl.reasons.rules import suspected
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
-from maurice_mcl.reasons.suspicion import suspected
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.modes import NearTruth
