@@ -50,7 +50,8 @@ SENSED_SHARE = 0.5  # log odds per nat by which pose sensors put the estimate be
 # Landmarks do not speak for the estimate there: stated above 90 % by them, half of the steps were lost.
 WIDENED: Mapping[str, float] = {"constant": 0.5, "log odds": 0.43, "log widening": 0.87}
 UNUSED = float(WIDENINGS[-1])  # widened by so much or more, no picture told anything ...
-MOST_OF_UNUSED = 0.5  # ... so that it is never said that it knows where it is
+LOG_ODDS_OF_UNUSED = 0.0  # ... so that by its pictures it is never said that it knows where it is
+LANDMARKS = "landmarks"  # the pose sensor that reads the camera's pictures, too
 # probability of not being lost below which it is an alarm: with a calibrated likelihood, and with any
 LOST_BELOW, LOST_BELOW_ANY = 0.5, 0.12
 
@@ -210,20 +211,26 @@ class SecondOpinion:
         features = self._reader.features(numbers, self.second.shares(record.estimate.pose))
         self._sensed += RATE * (sensed_ahead(record, self.second.localizer) - self._sensed)
         self.raw = sum(weight * features[name] for name, weight in OPINION.items())
-        widening = self.second.localizer.sensor.parameters.widening
-        if widening == 1:
-            self.not_lost = probability(OPINION, features, SENSED_SHARE * self._sensed)
-        elif widening < UNUSED:
-            self.not_lost = recalibrated(self.raw, widening)
-        else:
-            self.not_lost = min(probability(OPINION, features), MOST_OF_UNUSED)
+        sensor = self.second.localizer.sensor
+        misled = sensor.parameters.widening > 1 and LANDMARKS in sensor.sensors
+        sensed = 0.0 if misled else SENSED_SHARE * self._sensed
+        self.not_lost = recalibrated(self.raw, sensor.parameters.widening, more=sensed)
         return self.not_lost
 
 
-def recalibrated(raw: float, widening: float, weights: Mapping[str, float] = WIDENED) -> float:
-    """Return the probability of not being lost, from its log odds by a camera that was widened so much."""
+def recalibrated(
+    raw: float, widening: float, weights: Mapping[str, float] = WIDENED, more: float = 0.0
+) -> float:
+    """Return the probability of not being lost, from its log odds by a camera that was widened so much.
+
+    `more` log odds are those of pose sensors.
+    """
+    if widening == 1:
+        return probability({"log odds": 1.0}, {"log odds": raw}, more)
+    if widening >= UNUSED:
+        return probability({"log odds": 1.0}, {"log odds": min(raw, LOG_ODDS_OF_UNUSED)}, more)
     features = {"constant": 1.0, "log odds": raw, "log widening": math.log(widening)}
-    return probability(weights, features)
+    return probability(weights, features, more)
 
 
 def sensed_ahead(record: StepRecord, localizer: Localizer) -> float:
