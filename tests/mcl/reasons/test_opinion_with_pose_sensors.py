@@ -130,5 +130,5 @@ def test_a_pose_sensor_speaks_for_an_estimate_where_channels_tell_nothing(drive,
     def odds(shares):
         return np.log(shares / (1 - shares))
 
-    assert (odds(opinions([sensor])) - odds(opinions([])))[3:].min() > 1.5  # of five nats, as its camera is not used
+    assert (odds(opinions([sensor])) - odds(opinions([])))[3:].min() > 1.5  # the camera is not used
     assert opinions([sensor], 1.5) == pytest.approx(opinions([], 1.5), abs=0.05)
