@@ -23,6 +23,8 @@ import maurice_mcl as mcl
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
+from maurice_datasets.trials.drives import RenderedSession
+from maurice_datasets.trials.stretches import Stretches
 from maurice_loaders.doctor.examination import examine
 from maurice_loaders.doctor.findings import RecordedDrive, RecordedScans
 from maurice_loaders.doctor.gathering import Gathered, gather
@@ -34,6 +36,7 @@ from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl import make_localizer
+from maurice_mcl.config.parameters import ALPHAS
 from maurice_mcl.reasons.causes import START
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.values import F64, LaserScan, Library, OccupancyMap
@@ -147,14 +150,18 @@ def _grid(case: Case) -> OccupancyMap:
 
 
 def turned_start(case: Case, size: int) -> Collection[str]:
-    """AMCL begins at the right place, in another heading."""
+    """AMCL begins at the place of the first scan, in another heading."""
     session = open_session(case.session)
-    settings = {"sensor.laser.model": "likelihood_field_prob"}
-    localizer = make_localizer(case.library, preset="amcl", settings=settings).of_session(session)
-    builder = DiagnosisBuilder(localizer)
-    begin = next(moment.truth for moment in session.moments() if moment.truth is not None)
+    moments = Stretches.of(session.moments(), _grid(case)).of_run(0, 0, None)
+    seen = RenderedSession(session.info, moments)
+    # with Nav2's alphas a turn on the spot spreads the cloud over all headings, and a wrong one does no harm
+    motion = {"model": "odometry", **dict.fromkeys(ALPHAS, 0.02)}
+    settings = {"sensor.laser.model": "likelihood_field_prob", "motion": motion}
+    localizer = make_localizer(case.library, preset="amcl", settings=settings).of_session(seen)
+    builder, begin = DiagnosisBuilder(localizer), moments[0].truth
+    assert begin is not None
     start = begin + np.array([0.0, 0.0, np.radians((180.0, 150.0, -120.0)[size])])
-    for moment, record in mcl.run(localizer, session, start):
+    for moment, record in mcl.run(localizer, seen, start):
         builder.add(moment, record)
     return [f.kind for f in builder.result()[:1] if f.kind != START or "start_turned_deg" in f.evidence]
 
