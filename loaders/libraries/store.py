@@ -224,7 +224,7 @@ def _opened(
     log = open_table(path) if is_table(path) else None
     if path.is_dir() and log is None:
         return load_library(path)
-    if not path.is_file() or (log is None and not first_bytes(path).lstrip(BEFORE_LOG).startswith(b"{")):
+    if log is None and not (path.is_file() and first_bytes(path).lstrip(BEFORE_LOG).startswith(b"{")):
         raise unlike(path, A_LIBRARY)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
     cached = _from_cache(kept, warn)

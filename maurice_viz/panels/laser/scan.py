@@ -52,7 +52,7 @@ class ScanPanel(Panel):
                 seen_path(self._paths),
                 no_scan(NO_SCAN) if scan is None else draw_scan(scan, self._scale),
             )
-        set_phase(rec, update.moment, Phase.ESTIMATE)
+        set_phase(rec, update.moment, Phase.WEIGHT)  # the estimate follows from the weights
         reading = reading_of(update.moment, record, laser)
         if reading is None:
             picture = no_scan(NO_SCAN if scan is None else TOO_FEW)
