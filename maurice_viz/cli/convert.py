@@ -205,7 +205,7 @@ def build(
 
 def pictures(
     folder: Annotated[
-        str, argument("FOLDER|VIDEO", "The folder of the table's pictures, or a video: a row a frame.")
+        str, argument("FOLDER|VIDEO", "The folder of the table's pictures, or a video: one row per frame.")
     ],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, opt.writes("DIR", "The folder to write.")],

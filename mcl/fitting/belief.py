@@ -228,7 +228,7 @@ class BeliefJudge:
 
 
 def _table(updates: list[JudgedUpdate]) -> F64:
-    """Return one row an update: whether each region held the truth, whether the ellipse did, NEES."""
+    """Return one row per update: whether each region held the truth, whether the ellipse did, NEES."""
     return np.array(
         [
             [*(row.denser <= level for level in LEVELS), row.squared_sd <= ELLIPSE_SIGMAS**2, row.nees]

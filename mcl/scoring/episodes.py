@@ -289,7 +289,7 @@ class EpisodeFinder:
 
 
 def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
-    """Return what `run` yields as a table, one row an update; the clouds are not kept.
+    """Return what `run` yields as a table, one row per update; the clouds are not kept.
 
     >>> import maurice_mcl as mcl
     >>> made = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))

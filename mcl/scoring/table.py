@@ -1,4 +1,4 @@
-"""A run as a table: one row an update, the same columns wherever a run is kept (docs/python.md).
+"""A run as a table: one row per update, the same columns wherever a run is kept (docs/python.md).
 
 Scores, episodes, traces, reports and trials are functions of it. A cloud is not part of it.
 """
@@ -148,7 +148,7 @@ class RunTable:
         )
 
     def frame(self) -> pl.DataFrame:
-        """Return the table as a polars frame, one row an update, null where something is not known.
+        """Return the table as a polars frame, one row per update, null where something is not known.
 
         docs/python.md lists the columns.
 
@@ -280,7 +280,7 @@ class TableRows:
         """Keep the numbers of a record."""
         scored, mean, parents = record.estimate, record.mean_estimate, record.parents
         self.radii = scored.radii
-        own = record.belief.size if parents is None else len(np.unique(parents[parents >= 0]))
+        own = record.belief.size if parents is None else np.count_nonzero(np.bincount(parents[parents >= 0]))
         values: dict[str, Any] = {
             "poses": scored.pose,
             "sd_m": scored.sd_m,
