@@ -215,8 +215,8 @@ def shared_incidents(runs: Sequence[RunVerdict]) -> list[Incident]:
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
-    """Return the step to look at first: where a run was lost, before where another one merely was worst."""
-    return min(verdict._moments()[0] for verdict in verdicts.values())[1]
+    """Return the step to look at first: where a run failed, before where another one merely was worst."""
+    return min((not verdict.failures, *verdict._moments()[0]) for verdict in verdicts.values())[-1]
 
 
 @dataclass(slots=True)

@@ -125,6 +125,13 @@ def test_without_truth_the_run_that_fits_elsewhere_is_the_evidence_and_the_step_
     assert headline(runs, INCHES).startswith("`thesis` and `robust` were probably lost (from step 9).")
 
 
+def test_a_run_that_was_never_localized_is_looked_at_before_the_worst_step_of_one_that_was_right():
+    searching = Episode("searching", 1, 90, steps=90)
+    never = RunVerdict(updates=90, has_truth=True, first=1, last=90, end=OFF, episodes=(searching,))
+    never = replace(never, failures=(Failure(FLAT, 2, searching),), error_most_m=9.0, most_at=50)
+    assert decisive_step({"a": replace(GOOD, error_most_m=0.2, most_at=5), "b": never}) == 50
+
+
 def test_a_lost_run_is_looked_at_before_the_worst_step_of_one_that_was_not():
     assert decisive_step({"a": replace(GOOD, error_most_m=0.2, most_at=5), "b": wrong(STAYS)}) == 61
 
