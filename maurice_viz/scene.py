@@ -211,5 +211,5 @@ def _draws_new(localizer: Localizer) -> str | None:
     if isinstance(strategy, Expansion):
         return None  # spreads those that it has
     if strategy is none:
-        return DRAWS_NEVER if localizer.mixture is None else DRAWS_WHERE_LIKELY
+        return DRAWS_NEVER if localizer.proposal.mixture is None else DRAWS_WHERE_LIKELY
     return DRAWS_EVENLY if localizer.recovery.draw_evenly else DRAWS_WHERE_LIKELY

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.filter.estimate import weighted_mean
-from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
 from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import multinomial, systematic
+from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import NearestReference, nearest_reference

@@ -75,7 +75,8 @@ def costs(features: Sequence[str], rounds: int = ROUNDS) -> dict[str, float]:
             belief = localizer.initialize(before.truth).belief
             began = process_time()
             comparison = localizer.sensor.see(moment.frame)
-            proposal = localizer.propose(belief, moment.frame, comparison)
+            prediction = localizer.predict(belief, moment.frame)
+            proposal = localizer.proposal.propose(prediction, comparison, ())
             localizer.sensor.at(comparison, proposal.belief.poses)
             took[name].append(process_time() - began)
     return {name: 1000 * float(np.median(times)) for name, times in took.items()}

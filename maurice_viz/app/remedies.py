@@ -16,9 +16,8 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.branch import recovery_evidence
+from maurice_mcl.filter.following import KEPT, can_propose
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.past import KEPT
-from maurice_mcl.filter.sensor_proposal import can_propose
 from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_table
 from maurice_mcl.sensor.ahead import compared

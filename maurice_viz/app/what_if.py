@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,9 +13,8 @@ from maurice_loaders.config_files import read_settings
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
 from maurice_loaders.runs.writer import PARTS, StepRows, rows_of
-from maurice_mcl.filter.branch import recovery_evidence
+from maurice_mcl.filter.branch import recovery_evidence, remembered
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.past import KEPT
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
@@ -193,7 +191,7 @@ class _Pair:
     def updates(self) -> Iterator[Mapping[str, Step]]:
         """Go through both: up to the branch they share their steps."""
         names, evidences = (self.point.run.manifest.label, self.label), list[float]()
-        past = deque[Past](maxlen=KEPT)  # the latest first
+        past: Sequence[Past] = ()
         anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
         original = self.point.localizer
         state, before = None, original.initialize(self.point.restored.start).belief
@@ -204,9 +202,7 @@ class _Pair:
             if state is None:
                 evidences.append(recovery_evidence(record))
                 branch = self._looked_at(moment, record)
-                comparison = branch.sighting.comparison
-                pose = record.estimate.pose
-                past.appendleft(original.remembered(before, moment.frame, comparison, pose, past))
+                past = remembered(original, self.localizer, before, branch, past)
                 before = record.belief
                 if step == self.from_step:
                     known = (record.belief, evidences, past)

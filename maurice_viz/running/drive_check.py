@@ -17,6 +17,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.proposal import MotionProposal
 from maurice_mcl.filter.recovery import STRATEGIES
 from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive
 from maurice_mcl.sensor.map_places import reference_of
@@ -90,7 +91,7 @@ def suited(
         recovery = replace(recovery, strategy="none")
         values["recovery.strategy"] = recovery.strategy
         step = replace(localizer.recovery, strategy=STRATEGIES["none"](recovery))
-        localizer = replace(localizer, recovery=step, mixture=None)
+        localizer = replace(localizer, recovery=step, proposal=MotionProposal())
     settings = tuple(
         Setting(setting.key, values[setting.key], "the drive's pictures")
         if setting.key in values

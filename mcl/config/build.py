@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..filter.following import GuidedProposal, can_propose
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
-from ..filter.proposal import regions
+from ..filter.proposal import MixtureProposal, MotionProposal, Proposal
 from ..filter.recovery import STRATEGIES, RecoveryStep
 from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
+from ..filter.sampling import Regions, regions
 from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
 from ..sensor.descriptors.registry import CHANNELS, weights_of
 from ..sensor.laser.sensor import LASER, laser_of
@@ -44,6 +46,9 @@ from .parameters import (
     check_channel,
     configure,
 )
+
+EMPTY: Mapping[str, PoseSensor] = {}
+TRACKED_M = 0.3  # on a map, whose places are no references: see `GuidedProposal.reach_m`
 
 
 def make_localizer(
@@ -95,16 +100,14 @@ def make_localizer(
         nearest = reference_of(library)
         configuration, missing = available(configure(layers, library.sensors), library)
         parameters = adapted(configuration, library, nearest)[0].parameters
-        localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
+        localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed, sensors=objects)
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
     if missing:
         warnings.warn(
             _without(library, missing), stacklevel=3
         )  # of the caller: between is the check of the front page
-    return replace(
-        localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **objects})
-    )
+    return localizer
 
 
 def _without(library: Library, missing: Sequence[str]) -> str:
@@ -173,10 +176,12 @@ def build_localizer(
     seed: int = 0,
     radii: Radii | None = None,
     sensor: SensorModel | None = None,
+    sensors: Mapping[str, PoseSensor] = EMPTY,
 ) -> Localizer:
     """Build the localizer that some parameters describe.
 
-    `reference`, that of the library's own map, and `sensor` can be shared.
+    `reference`, that of the library's own map, and `sensor` can be shared. `sensors` are used beside
+    those that have a weight.
 
     The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
     radii, unless they are known (those of a saved run), are derived from the library.
@@ -190,12 +195,14 @@ def build_localizer(
     where = regions(nearest, library.size)
     motion = session.info.motion if p.motion is None and session is not None else p.motion
     unknown = p.motion is None and session is None
+    sensor = _sensor(library, nearest, p) if sensor is None else sensor
+    sensor = replace(sensor, sensors={**sensor.sensors, **sensors}) if sensors else sensor
     return Localizer(
         library=library,
         reference=nearest,
         regions=where,
         motion=None if unknown else motion_model(motion, nearest.grid),
-        sensor=_sensor(library, nearest, p) if sensor is None else sensor,
+        sensor=sensor,
         resampling=_resampling(p.resampling),
         recovery=RecoveryStep(
             strategy=STRATEGIES[p.recovery.strategy](p.recovery),
@@ -204,9 +211,8 @@ def build_localizer(
             draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
             is_relative=p.recovery.strategy == "library",
         ),
-        mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
+        proposal=_proposal(sensor, nearest, where, p),
         outliers=p.motion_outliers,
-        guided=p.guided_motion,
         obstacles=p.map.obstacles,
         particles=p.particles,
         start_sd=(p.start.sd_m, p.start.heading_sd_rad),
@@ -278,6 +284,17 @@ def _spread(library: Library, nearest: NearestReference) -> PoseSpread:
     """Return how far the poses nearest to a reference lie from it, if they lie evenly around it."""
     headings = max(library.size / max(len(nearest.places), 1), 1.0)
     return PoseSpread(spacing(nearest.places) / np.sqrt(12), 2 * np.pi / headings / np.sqrt(12))
+
+
+def _proposal(
+    sensor: SensorModel, nearest: NearestReference, where: Regions, p: FilterParameters
+) -> Proposal:
+    mixed = p.recovery.strategy == "mixture"
+    mixture = MixtureProposal(p.recovery.mixture, nearest, where) if mixed else None
+    if can_propose(sensor.sensors.values()) and (mixed or p.guided_motion.share > 0):
+        reach_m = TRACKED_M if sensor.library.is_map else nearest.spacing_m
+        return GuidedProposal(p.guided_motion, reach_m, mixture)
+    return mixture or MotionProposal()
 
 
 def _resampling(p: ResamplingParameters) -> Resampling:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from statistics import NormalDist
 from typing import Annotated, Any
 
-from ..filter.guided_motion import GuidedMotionParameters
+from ..filter.following import GuidedMotionParameters
 from ..filter.motion import MotionOutliers
 from ..filter.recovery import STRATEGIES, RecoveryParameters
 from ..filter.resampling import POLICIES, RESAMPLERS, KldParameters

@@ -4,10 +4,10 @@
 - `batch_step`: many runs with different seeds, stepped as one array
 - `branch`: the state in which another filter goes on from a step
 - `motion`: motion models and motion outliers
-- `guided_motion`: movements drawn toward where a sensor puts the robot, and weighted for it
-- `past`: the updates before, as pose sensors ask for them
-- `sensor_proposal`: poses that sensors propose, and which of them the cloud tracks
-- `proposal`: initialization, pose sampling, and the mixture proposal
+- `sampling`: poses drawn evenly, where a picture or a sensor puts the robot, and where a run begins
+- `proposal`: where particles are drawn: by the motion model, or some by the mixture proposal
+- `following`: the proposal of filters whose particles follow what sensors measure and propose
+- `weighting`: weights by a picture, and what it says of the cloud
 - `resampling`: schemes, policies, roughening, adaptive size (KLD)
 - `recovery`: strategies that help a lost filter, and the particles that they draw
 - `estimate`: one pose for each of many clouds, their modes, and the evidence of a picture

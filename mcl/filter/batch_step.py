@@ -22,6 +22,7 @@ from ..values.session import Frame
 from .estimate import Clouds, are_wide, batch_estimates
 from .localizer import Localizer
 from .motion import with_outliers
+from .proposal import MotionProposal
 from .resampling import Resampler, always, systematic
 
 TOGETHER = 32_768  # particles: with fewer, numpy's calls cost more than passes outside of a core's cache
@@ -36,8 +37,8 @@ PutRecord = Callable[[int, StepRecord], None]
 def can_batch(localizer: Localizer) -> bool:
     """Return whether every choice of a filter is one that batches know."""
     resampling = localizer.resampling
-    known = localizer.mixture is None and resampling.kld is None and resampling.roughening <= 0
-    known = known and not localizer.is_guided and not localizer.sensor.references.is_partial
+    known = isinstance(localizer.proposal, MotionProposal) and not localizer.sensor.references.is_partial
+    known = known and resampling.kld is None and resampling.roughening <= 0
     return known and localizer.particles <= MOST_PARTICLES and localizer.motion is not None
 
 

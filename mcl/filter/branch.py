@@ -7,6 +7,7 @@ numbers at every later step, and one that changes nothing is the run itself, bit
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,9 +21,12 @@ from ..values.records import (
     StepRecord,
     uniform_log_weights,
 )
-from .localizer import LEFT_MAP, Localizer, usable_evidence
+from .following import movement_of, unexplained
+from .localizer import LEFT_MAP, Localizer
+from .proposal import MotionProposal
 from .recovery import RecoveryStrategy
 from .resampling import systematic
+from .weighting import usable_evidence
 
 
 def recovery_evidence(record: StepRecord) -> float:
@@ -36,6 +40,23 @@ def recovery_after(strategy: RecoveryStrategy, evidences: Iterable[float]) -> Re
     for evidence in evidences:
         state = strategy(evidence, state).state
     return state
+
+
+def remembered(
+    original: Localizer, branch: Localizer, before: Belief, record: StepRecord, past: Sequence[Past]
+) -> tuple[Past, ...]:
+    """Return what a branch would have kept of an update of the run that it leaves, the latest first.
+
+    That run is known by its clouds, the one `before` the update too, and its estimates. Where its particles
+    followed no sensor, none measures how the robot moved.
+    """
+    if isinstance(branch.proposal, MotionProposal):
+        return ()
+    prediction, movement = original.predict(before, record.frame), None
+    if not isinstance(original.proposal, MotionProposal):
+        asked = unexplained(record.sighting.comparison, prediction.belief)
+        movement = movement_of(asked, record.frame, past)
+    return branch.proposal.keep(replace(record, predicted=prediction.belief), movement, past)
 
 
 def branched(

@@ -1,146 +1,150 @@
-"""Proposals: initialization, pose sampling, and the mixture proposal.
+"""Proposals: from where the particles of an update are drawn, and how they are weighted for that.
 
-The mixture proposal is that of Thrun, Fox, Burgard and Dellaert (2001). All particles are weighted as draws
-of one mixture (the balance heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) k + share q),
-with p the predicted density, k that of the particles that are kept, and q that of the sampled poses.
-Densities are per library entry, over the poses nearest to it. So that sampled poses count where k is zero, p
-is k but for a small share, the robot's chance of having been carried anywhere.
+The plain one is the motion model: every particle moves with noise of its own. The mixture proposal is that of
+Thrun, Fox, Burgard and Dellaert (2001). All particles are weighted as draws of one mixture (the balance
+heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) k + share q), with p the predicted
+density, k that of the particles that are kept, and q that of the sampled poses. Densities are per library
+entry, over the poses nearest to it. So that sampled poses count where k is zero, p is k but for a small
+share, the robot's chance of having been carried anywhere. Filters with pose sensors: `following`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from functools import cached_property
+from typing import Annotated, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..errors import InputError
 from ..sensor.references import HEADING_BINS, NearestReference
 from ..values import (
     F32,
     F64,
-    I32,
     SHARE,
     Belief,
-    Grid,
+    Comparison,
+    Frame,
     MeasuredMovement,
+    Past,
     PoseProposal,
+    StepRecord,
     number,
     uniform_log_weights,
-    wrap,
 )
+from ..values.randomness import Domain, Purpose, normals_at, stream, words_at
+from .motion import MotionModel, MotionOutliers, with_outliers
 from .resampling import systematic
-from .sensor_proposal import SENSOR_SHARE, density, draw_poses
-
-# Pose sampling: evenly over free space, or from the likelihood of a picture.
+from .sampling import Regions, density, from_sensors, informed_poses, proposals_of, shares_of
 
 
-def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
-    """Draw n poses (n, 3) evenly over free space and headings. ValueError if nothing is free."""
-    free = np.flatnonzero(grid.free.ravel())
-    if not len(free):
-        raise ValueError("no free space to start in: obstacles and walls cover the whole map")
-    draws = rng.random((n, 4))
-    xy = _within(grid, free[(draws[:, 0] * len(free)).astype(np.int64)], draws[:, 1:3], origin)
-    heading = draws[:, 3] * (2 * np.pi) - np.pi
-    return np.column_stack([xy, heading]).astype(np.float32)
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """How the particles of a belief move in a frame, which every proposal begins with.
 
+    Noise has an address (seed, step, movement): who asks again gets the same, and a larger belief keeps the
+    noise of a smaller one.
+    """
 
-def _within(grid: Grid, cells: NDArray[np.int64], shares: F64, origin: F64) -> F64:
-    """Return the points (n, 2) at given shares (n, 2) of the sides of cells (n,)."""
-    columns = grid.shape[1]
-    index = np.column_stack([cells % columns, cells // columns])
-    return np.asarray(grid.corner + grid.cell_m * (index + shares) - origin)
+    before: Belief
+    frame: Frame
+    model: MotionModel | None
+    outliers: MotionOutliers
+    seed: int
+
+    @cached_property
+    def belief(self) -> Belief:
+        """The particles as the motion model moves them, with the weights that they had."""
+        if not len(self.frame.motions):
+            return self.before
+        noise, poses = self.normals, self.before.poses
+        if self.outliers.share > 0:
+            noise = with_outliers(noise, self.outliers, *self.outlier_rngs())
+        for movement, drawn in enumerate(self.by_movement(noise)):
+            poses = self.move(movement, poses, drawn)
+        return Belief(poses, self.before.log_weights, self.before.origin)
+
+    @cached_property
+    def normals(self) -> F32:
+        """Standard normals (M N, 3), one movement after another."""
+        address = (Domain.FILTER, self.seed, self.frame.step, Purpose.MOTION)
+        words = [words_at(*address, movement) for movement in range(len(self.frame.motions))]
+        return normals_at(words, self.before.size)
+
+    def by_movement(self, noise: F32) -> list[F32]:
+        """Split noise (M N, 3) into that of each movement (N, 3)."""
+        n = self.before.size
+        return [noise[first : first + n] for first in range(0, len(noise), n)]
+
+    def move(self, movement: int, poses: F32, noise: F32) -> F32:
+        """Return poses (N, 3) after the movement of this number, with the noise (N, 3) of each.
+
+        Raises InputError without a motion model.
+        """
+        if self.model is None:
+            raise InputError(None, "found no motion model; use `run`, or `of_session` before the first step")
+        return self.model.move(poses, self.before.origin, self.frame.motions[movement], noise)
+
+    def outlier_rngs(self) -> list[np.random.Generator]:
+        """Return what chooses the motion outliers of each movement."""
+        return [self.rng(Purpose.OUTLIER, movement) for movement in range(len(self.frame.motions))]
+
+    def rng(self, purpose: int, child: int | None = None) -> np.random.Generator:
+        """Return a generator of the filter for this update."""
+        return stream(Domain.FILTER, self.seed, self.frame.step, purpose, child)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Regions:
-    """The poses nearest to each entry: cells sorted by place, heading bins sorted by place and entry."""
+class ProposedParticles:
+    """Particles before the weights are updated by the picture."""
 
-    cells: I32  # (free cells,) flat numbers, place by place
-    first_cell: I32  # (P + 1,) where each place's cells begin
-    place_of_entry: I32  # (L,)
-    bins: I32  # (P * HEADING_BINS,) heading bins, entry by entry
-    first_bin: I32  # (L + 1,) where each entry's bins begin
+    belief: Belief
+    correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
+    is_guided: bool = False  # some moved toward where a sensor puts the robot (`following`)
+    movement: MeasuredMovement | None = None  # as a sensor measured it; None: not asked
 
-    def sizes(self) -> F64:
-        """Return how many (cell, heading bin) pairs are nearest to each entry (L,)."""
-        cells, bins = np.diff(self.first_cell), np.diff(self.first_bin)
-        return np.asarray(cells[self.place_of_entry] * bins, np.float64)
-
-
-def regions(nearest: NearestReference, entries: int) -> Regions:
-    """Sort the tables of the nearest reference by entry."""
-    inside = np.flatnonzero((nearest.place_of_cell[:-1] >= 0) & nearest.grid.free.ravel())
-    place = nearest.place_of_cell[inside]
-    by_place = np.argsort(place, kind="stable")
-    count = len(nearest.places)
-    first_cell = np.searchsorted(place[by_place], np.arange(count + 1))
-    owner = nearest.entry_of[:-1].ravel()
-    by_entry = np.argsort(owner, kind="stable")
-    first_bin = np.searchsorted(owner[by_entry], np.arange(entries + 1))
-    place_of_entry = np.zeros(entries, np.int32)
-    place_of_entry[owner] = np.repeat(np.arange(count), HEADING_BINS)
-    return Regions(
-        cells=inside[by_place].astype(np.int32),
-        first_cell=first_cell.astype(np.int32),
-        place_of_entry=place_of_entry,
-        bins=(by_entry % HEADING_BINS).astype(np.int32),
-        first_bin=first_bin.astype(np.int32),
-    )
+    @property
+    def prior_log_weights(self) -> F64:
+        """Log-weights (N,) as if all were drawn by the motion model; the weights sum to one on average."""
+        if self.correction is None:
+            return self.belief.log_weights
+        return self.belief.log_weights + self.correction
 
 
-def shares_of(log_likelihood: F32, where: Regions) -> F64:
-    """Return the probability (L,) of each entry to be nearest to a pose drawn from the likelihood."""
-    size = where.sizes()
-    top = float(log_likelihood[size > 0].max(initial=-np.inf))  # of those that any pose is nearest to
-    if not np.isfinite(top):  # a channel measured no number: any pose is as likely as another
-        return np.asarray(size / size.sum())
-    weight = np.exp(np.minimum(log_likelihood.astype(np.float64) - top, 0.0)) * size
-    return np.asarray(weight / weight.sum())
+class Proposal(Protocol):
+    """Where the particles of an update are drawn, and what is kept of it for those after it."""
+
+    @property
+    def mixture(self) -> MixtureProposal | None:
+        """What draws some particles anew at every update; None: nothing does."""
+        return None
+
+    def propose(
+        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
+    ) -> ProposedParticles:
+        """Return particles before they are weighted by the picture.
+
+        `past` is what was kept of the updates before, the latest first.
+        """
+        ...
+
+    def keep(
+        self, record: StepRecord, movement: MeasuredMovement | None, past: Sequence[Past]
+    ) -> tuple[Past, ...]:
+        """Return what the next update may ask for, the latest first: of an update and of those before it."""
+        return ()
 
 
-def likely_poses(
-    log_likelihood: F32, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
-) -> F32:
-    """Draw n poses (n, 3) relative to `origin`, with density in proportion to the likelihood (L,)."""
-    return poses_of_entries(np.cumsum(shares_of(log_likelihood, where)), grid, where, n, origin, rng)
+@dataclass(frozen=True, slots=True)
+class MotionProposal(Proposal):
+    """Draw all particles by the motion model, as the thesis does."""
 
-
-def poses_of_entries(
-    cumulative: F64, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
-) -> F32:
-    """Draw n poses (n, 3) relative to `origin`, each nearest to an entry by cumulative shares (L,)."""
-    draws = rng.random((n, 5))
-    entry = np.minimum(cumulative.searchsorted(draws[:, 0] * cumulative[-1]), len(cumulative) - 1)
-    cell = where.cells[_pick(where.first_cell, where.place_of_entry[entry], draws[:, 1])]
-    heading_bin = where.bins[_pick(where.first_bin, entry, draws[:, 2])]
-    xy = _within(grid, cell.astype(np.int64), draws[:, 3:5], origin)
-    heading = (heading_bin + rng.random(n)) * (2 * np.pi / HEADING_BINS) - np.pi
-    return np.column_stack([xy, heading]).astype(np.float32)
-
-
-def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
-    """Return an index within each group, by a share (n,) from 0 to 1."""
-    begin, size = first[group], first[group + 1] - first[group]
-    return np.asarray(begin + (share * size).astype(np.int32), np.int32)
-
-
-# Initialization: at a known pose, or anywhere.
-
-
-def belief_at(pose: F64, n: int, origin: F64) -> Belief:
-    """Place all n particles at one pose (3,): position tracking, zero variance (thesis 3.6.2)."""
-    poses = np.empty((n, 3), np.float32)
-    poses[:, :2] = pose[:2] - origin
-    poses[:, 2] = wrap(np.asarray(pose[2:3], np.float64))[0]
-    return Belief(poses, uniform_log_weights(n), origin)
-
-
-def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> Belief:
-    """Spread n particles evenly over free space and all headings: global localization (see above)."""
-    return Belief(uniform_poses(grid, n, origin, rng), uniform_log_weights(n), origin)
+    def propose(
+        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
+    ) -> ProposedParticles:
+        """See `Proposal.propose`."""
+        return ProposedParticles(prediction.belief)
 
 
 # Mixture proposal (dual MCL): some particles are drawn from the picture's likelihood.
@@ -157,20 +161,35 @@ class MixtureParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ProposedParticles:
-    """Particles before the weights are updated by the picture."""
+class MixtureProposal(Proposal):
+    """Draw a share of the particles from the picture's likelihood, or as pose sensors propose."""
 
-    belief: Belief
-    correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
-    is_guided: bool = False  # some moved toward where a sensor puts the robot (`guided_motion`)
-    movement: MeasuredMovement | None = None  # as a sensor measured it; None: not asked
+    parameters: MixtureParameters
+    reference: NearestReference
+    regions: Regions
 
     @property
-    def prior_log_weights(self) -> F64:
-        """Log-weights (N,) as if all were drawn by the motion model; the weights sum to one on average."""
-        if self.correction is None:
-            return self.belief.log_weights
-        return self.belief.log_weights + self.correction
+    def mixture(self) -> MixtureProposal:
+        """See `Proposal.mixture`."""
+        return self
+
+    def propose(
+        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
+    ) -> ProposedParticles:
+        """See `Proposal.propose`."""
+        return self.mixed(prediction.belief, prediction, comparison, proposals_of(comparison.sensed))
+
+    def mixed(
+        self,
+        predicted: Belief,
+        prediction: Prediction,
+        comparison: Comparison,
+        proposals: Sequence[PoseProposal],
+    ) -> ProposedParticles:
+        """Draw a share of a predicted belief anew."""
+        likely, rng = comparison.log_likelihood, prediction.rng(Purpose.MIXTURE)
+        nearest, where = self.reference, self.regions
+        return mixture_proposal(predicted, likely, nearest, where, self.parameters, rng, proposals)
 
 
 def mixture_proposal(
@@ -188,10 +207,8 @@ def mixture_proposal(
     """
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
-    sensors = round(SENSOR_SHARE * count) if proposals else 0
-    drawn = likely_poses(log_likelihood, nearest.grid, where, count - sensors, predicted.origin, rng)
-    if sensors:
-        drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
+    sensors = from_sensors(count, proposals)
+    drawn = informed_poses(log_likelihood, proposals, nearest.grid, where, count, predicted.origin, rng)
     poses = np.concatenate([predicted.poses[kept], drawn])
     k, even = _kept_shares(predicted, nearest, where), where.sizes() / where.sizes().sum()
     believed = max((proposal.believed for proposal in proposals), default=0.0)  # by earlier readings

@@ -28,9 +28,9 @@ from ..values.records import (
     uniform_log_weights,
 )
 from ..values.setting_rules import NATS, SHARE, choice, number, whole
-from .proposal import MixtureParameters, Regions, likely_poses, uniform_poses
+from .proposal import MixtureParameters
 from .resampling import Resampled
-from .sensor_proposal import SENSOR_SHARE, draw_poses, proposals_of
+from .sampling import Regions, informed_poses, proposals_of, uniform_poses
 
 # a bad picture counts as one so far below the mean at most (Huber 1981), and so much less than a good one
 BAD_SDS, BAD_SHARE = 2.0, 0.1
@@ -214,12 +214,8 @@ class RecoveryStep:
         if self.draw_evenly:
             drawn = uniform_poses(grid, fresh, copies.origin, rng)
         else:
-            proposals = proposals_of(comparison)
-            sensors = round(SENSOR_SHARE * fresh) if proposals else 0
-            likely, origin = comparison.log_likelihood, copies.origin
-            drawn = likely_poses(likely, grid, self.regions, fresh - sensors, origin, rng)
-            if sensors:
-                drawn = np.concatenate([drawn, draw_poses(proposals, sensors, origin, rng)])
+            likely, proposals = comparison.log_likelihood, proposals_of(comparison.sensed)
+            drawn = informed_poses(likely, proposals, grid, self.regions, fresh, copies.origin, rng)
         poses = np.concatenate([copies.poses, drawn])
         injected = np.arange(len(poses)) >= copies.size
         parents = None

@@ -15,7 +15,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..filter.localizer import Localizer
-from ..filter.proposal import regions
+from ..filter.proposal import MotionProposal
+from ..filter.sampling import regions
 from ..scoring.batch import run_batch
 from ..scoring.metrics import score_table
 from ..scoring.table import RunTable
@@ -187,12 +188,13 @@ def with_dense_references(localizer: Localizer) -> Localizer:
     poses = np.column_stack([dense, headings])
     library = Library("dense", poses, (None,) * len(poses), {}, localizer.arena)
     nearest = nearest_reference(poses, library.arena)
-    where = regions(nearest, library.size)
+    where, mixture = regions(nearest, library.size), localizer.proposal.mixture
     return replace(
         localizer,
         library=library,
         reference=nearest,
         regions=where,
         sensor=SensorModel(library, nearest, localizer.sensor.parameters),
+        proposal=replace(mixture, reference=nearest, regions=where) if mixture else MotionProposal(),
         recovery=replace(localizer.recovery, reference=nearest, regions=where),
     )

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-import maurice_mcl.filter.localizer as localizer_module
-from maurice_mcl.filter.localizer import Localizer, weigh
-from maurice_mcl.filter.proposal import MixtureParameters, ProposedParticles, regions
+import maurice_mcl.filter.weighting as weighting
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal, ProposedParticles
 from maurice_mcl.filter.recovery import RecoveryStep, none
 from maurice_mcl.filter.resampling import RESAMPLERS, Resampling, always, below_effective
+from maurice_mcl.filter.sampling import regions
+from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -287,7 +289,8 @@ def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice
     assert outcome.bias_off() < 4
 
 
-MIXTURE = MixtureParameters(share=0.2, teleport=0.0)
+def _mixture(localizer):
+    return MixtureProposal(MixtureParameters(share=0.2, teleport=0.0), localizer.reference, localizer.regions)
 
 
 @pytest.mark.slow
@@ -298,15 +301,10 @@ def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
     (The lattice's motion rounds to the state, and every cell of the raster that has an entry nearest lies
     within half a step of its state.)
     """
-    mixed = replace(_resampling(lattice.localizer, when=when), mixture=MIXTURE)
+    mixed = replace(_resampling(lattice.localizer, when=when), proposal=_mixture(lattice.localizer))
     outcome = _many(lattice, mixed, 500)
     assert outcome.evidence_off() < 4
-    assert (
-        _many(
-            lattice, replace(_resampling(lattice.localizer, when=when), mixture=MIXTURE), 4000, RUNS // 2
-        ).bias_off()
-        < 4
-    )
+    assert _many(lattice, mixed, 4000, RUNS // 2).bias_off() < 4
 
 
 def _is_caught(lattice, faulty):
@@ -331,7 +329,7 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
         even = replace(belief, log_weights=uniform_log_weights(belief.size))
         return weigh(replace(proposal, belief=even), log_likelihood)
 
-    monkeypatch.setattr(localizer_module, "weigh", forgetful)
+    monkeypatch.setattr(weighting, "weigh", forgetful)
     assert _is_caught(lattice, lattice.localizer)
 
 
@@ -340,5 +338,5 @@ def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
     def naive(proposal, log_likelihood):
         return weigh(ProposedParticles(proposal.belief), log_likelihood)
 
-    monkeypatch.setattr(localizer_module, "weigh", naive)
-    assert _is_caught(lattice, replace(lattice.localizer, mixture=MIXTURE))
+    monkeypatch.setattr(weighting, "weigh", naive)
+    assert _is_caught(lattice, replace(lattice.localizer, proposal=_mixture(lattice.localizer)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.filter.guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
+from maurice_mcl.filter.following import DrawnNoise, GuidedMotionParameters, guided_motion
 from maurice_mcl.filter.localizer import GUIDED
 from maurice_mcl.filter.motion import MauriceMotion, MauriceParameters, MotionOutliers, OdometryMotion, widths
 from maurice_mcl.values.geometry import wrap

@@ -16,11 +16,12 @@ from maurice_mcl.filter.localizer import (
     RESEEDED,
     Localizer,
     run,
-    weigh,
 )
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
-from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
+from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import always
+from maurice_mcl.filter.sampling import belief_at, uniform_belief
+from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.scoring.metrics import score
 from maurice_mcl.sensor.ahead import compared as compare_picture

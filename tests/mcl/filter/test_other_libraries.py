@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from filterpy.discrete_bayes import update
 
-from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import multinomial, residual, stratified, systematic
+from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.values.randomness import stream
 from maurice_mcl.values.records import Belief, effective_sample_size, normalize, uniform_log_weights
 

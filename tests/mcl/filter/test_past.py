@@ -7,15 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from maurice_mcl.filter.following import MOST_NATS, SHARE, START_NATS, kept
 from maurice_mcl.filter.motion import DRIFT, measured_motion
-from maurice_mcl.filter.past import MOST_NATS, SHARE, START_NATS, kept
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.pose_sensor import MeasuredMovement
 from maurice_mcl.values.records import Belief, Past, uniform_log_weights
 
 SUPPORT, MOTION, BEFORE = 20.0, np.array([0.5, 0.0, 0.1]), np.array([1.0, 2.0, 0.3])
 COMPARISON = SimpleNamespace(sensed=(SimpleNamespace(support=lambda pose: SUPPORT),))
-FRAME = SimpleNamespace(motions=np.stack([MOTION / 2, MOTION / 2]))
 
 
 def cloud(sd_m):
@@ -23,14 +22,23 @@ def cloud(sd_m):
     return Belief(poses, uniform_log_weights(100), np.zeros(2))
 
 
+def record(predicted, estimate):
+    return SimpleNamespace(
+        frame=SimpleNamespace(motions=np.stack([MOTION / 2, MOTION / 2])),
+        sighting=SimpleNamespace(comparison=COMPARISON),
+        predicted=predicted,
+        estimate=SimpleNamespace(pose=estimate),
+    )
+
+
 def after(estimate, movement=None, trust=30.0):
     past = (Past(np.zeros((0, 3)), (), BEFORE, 0.0, trust),)
-    return kept(FRAME, COMPARISON, cloud(1.0), movement, estimate, past)
+    return kept(record(cloud(1.0), estimate), movement, past)
 
 
 @pytest.mark.parametrize(("sd_m", "nats"), [(0.1, START_NATS), (5.0, 0.0)])
 def test_a_start_that_somebody_gave_speaks_for_itself(sd_m, nats):
-    first = kept(FRAME, COMPARISON, cloud(sd_m), None, BEFORE, ())
+    first = kept(record(cloud(sd_m), BEFORE), None, ())
     assert first.trust == nats + SHARE * SUPPORT
 
 

@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.filter.proposal import (
-    MixtureParameters,
-    likely_poses,
-    mixture_proposal,
-    regions,
-    shares_of,
-    uniform_poses,
-)
+from maurice_mcl.filter.proposal import MixtureParameters, mixture_proposal
+from maurice_mcl.filter.sampling import likely_poses, regions, shares_of, uniform_poses
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
 from maurice_mcl.values.map import Arena, Region, make_grid
 from maurice_mcl.values.pose_sensor import PoseProposal

@@ -12,7 +12,7 @@ import maurice_mcl as mcl
 import maurice_mcl.filter.localizer as localizer_module
 from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.filter.motion import OdometryMotion
-from maurice_mcl.filter.proposal import MixtureParameters, regions
+from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal
 from maurice_mcl.filter.recovery import (
     Recovery,
     RecoveryStep,
@@ -27,6 +27,7 @@ from maurice_mcl.filter.resampling import (
     always,
     every,
 )
+from maurice_mcl.filter.sampling import regions
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.randomness import Domain, Purpose, stream
@@ -95,7 +96,7 @@ def test_nothing_asked_for_is_nothing_done():
     assert _next(_choosing(roughening=0.2), belief)[1].belief is belief
     still = SimpleNamespace(step=2, motions=np.zeros((0, 3)))
     localizer = replace(_choosing(), motion=OdometryMotion())
-    found = localizer.propose(_belief(), still, _comparison())
+    found = localizer.proposal.propose(localizer.predict(_belief(), still), _comparison(), ())
     assert np.array_equal(found.belief.poses, _belief().poses)
     assert found.correction is None
 
@@ -155,8 +156,8 @@ def test_nothing_is_changed_in_place():
     kept = belief.poses.copy(), belief.log_weights.copy(), comparison.log_likelihood.copy()
     localizer = _choosing(when=always, strategy=_asking(0.2, True), roughening=0.2, kld=KldParameters())
     _next(localizer, belief, comparison)
-    mixed = replace(localizer, mixture=MixtureParameters(), motion=OdometryMotion())
-    mixed.propose(belief, SimpleNamespace(step=2, motions=np.zeros((0, 3))), comparison)
+    prediction = localizer.predict(belief, SimpleNamespace(step=2, motions=np.zeros((0, 3))))
+    MixtureProposal(MixtureParameters(), NEAREST, WHERE).propose(prediction, comparison, ())
     assert np.array_equal(belief.poses, kept[0])
     assert np.array_equal(belief.log_weights, kept[1])
     assert np.array_equal(comparison.log_likelihood, kept[2])

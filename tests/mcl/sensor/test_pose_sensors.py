@@ -10,7 +10,8 @@ import pytest
 import maurice_mcl as mcl
 from maurice_mcl.config.build import adapted, available
 from maurice_mcl.config.parameters import Layer, configure
-from maurice_mcl.filter.sensor_proposal import density, draw_poses, elsewhere
+from maurice_mcl.filter.following import elsewhere
+from maurice_mcl.filter.sampling import density, draw_poses
 from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.sensor.descriptors.registry import weights_of
 from maurice_mcl.sensor.references import nearest_reference
@@ -218,7 +219,8 @@ def test_the_mixture_with_a_pose_sensor_is_unbiased(drive, truths):
     comparison = localizer.sensor.see(frame)
     totals = []
     for seed in range(60):
-        proposal = replace(localizer, seed=seed).propose(state.belief, frame, comparison)
+        prediction = replace(localizer, seed=seed).predict(state.belief, frame)
+        proposal = localizer.proposal.propose(prediction, comparison, ())
         inside = localizer.reference.entries(proposal.belief.poses, localizer.library.origin) >= 0
         totals.append(np.exp(proposal.prior_log_weights[inside]).sum() / inside.mean())
     assert abs(np.mean(totals) - 1) < 4 * np.std(totals) / np.sqrt(60) + 0.02
