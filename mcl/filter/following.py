@@ -16,7 +16,7 @@ more than 1 / (1 - share).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from typing import Annotated
@@ -25,7 +25,6 @@ import numpy as np
 
 from ..values import (
     DOUBTFUL_NATS,
-    F32,
     F64,
     Belief,
     Comparison,
@@ -45,7 +44,7 @@ from ..values import (
 )
 from ..values.randomness import Purpose
 from .motion import measured_motion, widths
-from .proposal import MixtureProposal, Prediction, Proposal, ProposedParticles
+from .proposal import MixtureProposal, Prediction, Proposal, ProposedParticles, Updates
 from .sampling import LEAST_VARIANCE, proposals_of
 
 TRACKED_SHARE = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
@@ -79,22 +78,23 @@ class GuidedProposal(Proposal):
     reach_m: float  # how near to a proposed pose a cloud is that tracks it
     mixture: MixtureProposal | None = None
 
-    def propose(
-        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
-    ) -> ProposedParticles:
+    def propose(self, prediction: Prediction, comparison: Comparison, past: Updates) -> ProposedParticles:
         """See `Proposal.propose`."""
-        asked = unexplained(comparison, prediction.belief)
-        if not asked:
-            return ProposedParticles(prediction.belief)
         predicted, link = prediction.belief, 0.0
+        asked = unexplained(comparison, predicted)
+        if not asked:
+            return ProposedParticles(predicted)
         movement = movement_of(asked, prediction.frame, past)
         if movement is not None:
             predicted, link = followed(prediction, movement), movement.link
-            frame = replace(prediction.frame, motions=movement.motion[None])
-            prediction = replace(prediction, frame=frame)
-        proposals = confirmed(comparison, predicted, prediction.frame.motions, link, past)
-        proposed = self._toward(proposals, predicted, prediction, comparison)
-        return replace(proposed, movement=movement)
+            prediction = replace(prediction, frame=replace(prediction.frame, motions=movement.motion[None]))
+        if link > DOUBTFUL_NATS:  # else the robot may be where a few particles fit by chance
+            asked = unexplained(comparison, predicted, for_certain=True)
+        else:
+            asked = comparison.sensed
+        before = partial(earlier, motions=prediction.frame.motions, link=link, past=past)
+        proposals = proposals_of(asked, before)
+        return replace(self._toward(proposals, predicted, prediction, comparison), movement=movement)
 
     def _toward(
         self,
@@ -104,17 +104,17 @@ class GuidedProposal(Proposal):
         comparison: Comparison,
     ) -> ProposedParticles:
         """Draw some particles where sensors put the robot and no particle is, or guide some that are near."""
-        new = elsewhere(proposals, predicted, self.reach_m) if self.mixture is not None else []
-        if self.mixture is not None and new:
-            return self.mixture.mixed(predicted, prediction, comparison, new)
-        near = tracked(proposals, predicted, self.reach_m) if self.parameters.share > 0 else None
-        if near is None or not len(prediction.frame.motions):
+        if self.mixture is not None:
+            untracked = elsewhere(proposals, predicted, self.reach_m)
+            if untracked:
+                rng = prediction.rng(Purpose.MIXTURE)
+                return self.mixture.mixed(predicted, comparison.log_likelihood, rng, untracked)
+        near = tracked(proposals, predicted, self.reach_m)
+        if near is None or self.parameters.share == 0 or not len(prediction.frame.motions):
             return ProposedParticles(predicted)
-        return guided(prediction, *near, self.parameters.share)
+        return guided_motion(prediction, *near, self.parameters.share)
 
-    def keep(
-        self, record: StepRecord, movement: MeasuredMovement | None, past: Sequence[Past]
-    ) -> tuple[Past, ...]:
+    def keep(self, record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> tuple[Past, ...]:
         """See `Proposal.keep`."""
         return (kept(record, movement, past), *past)[:KEPT]
 
@@ -122,13 +122,14 @@ class GuidedProposal(Proposal):
 # How the robot moved, as a sensor measures it.
 
 
-def unexplained(comparison: Comparison, predicted: Belief) -> list[Sensed]:
-    """Return what sensors read that a predicted cloud does not explain for certain."""
+def unexplained(comparison: Comparison, predicted: Belief, for_certain: bool = False) -> Sequence[Sensed]:
+    """Return what sensors read that a predicted cloud does not explain, or else may not explain."""
     cloud = predicted.poses, predicted.weights, predicted.origin
-    return [part for part in comparison.sensed if part.is_explained(*cloud) is not True]
+    explained = [(part, part.is_explained(*cloud)) for part in comparison.sensed]
+    return [part for part, is_so in explained if not is_so and not (is_so is None and for_certain)]
 
 
-def movement_of(sensed: Sequence[Sensed], frame: Frame, past: Sequence[Past]) -> MeasuredMovement | None:
+def movement_of(sensed: Sequence[Sensed], frame: Frame, past: Updates) -> MeasuredMovement | None:
     """Return how the robot moved by the first sensor that measures it."""
     if not past or not len(frame.motions):
         return None
@@ -142,14 +143,13 @@ def followed(prediction: Prediction, movement: MeasuredMovement) -> Belief:
     before = prediction.before
     if not movement.is_linked:
         return prediction.belief
-    noise = prediction.normals[: before.size]
-    return replace(before, poses=measured_motion(before.poses, movement, noise))
+    return replace(before, poses=measured_motion(before.poses, movement, prediction.normals[: before.size]))
 
 
 # What is kept of updates: the movements, and what speaks for the estimates.
 
 
-def earlier(name: str, motions: F64, link: float, past: Sequence[Past]) -> list[Earlier]:
+def earlier(name: str, motions: F64, link: float, past: Updates) -> list[Earlier]:
     """Return what a sensor read before a frame with some movements (M, 3), the latest first."""
     after = ((motions, link), *((before.motions, before.link) for before in past))
     readings = ({part.name: part.reading for part in before.sensed}.get(name) for before in past)
@@ -159,7 +159,7 @@ def earlier(name: str, motions: F64, link: float, past: Sequence[Past]) -> list[
     ]
 
 
-def kept(record: StepRecord, movement: MeasuredMovement | None, past: Sequence[Past]) -> Past:
+def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> Past:
     """Return what is kept of an update: its movement as best known, and what speaks for the estimate."""
     motions, link = record.frame.motions, 0.0 if movement is None else movement.link
     sensed, estimate = record.sighting.comparison.sensed, record.estimate.pose
@@ -183,21 +183,6 @@ def _is_together(cloud: Belief) -> bool:
 
 
 # Which proposals a cloud tracks.
-
-
-def confirmed(
-    comparison: Comparison, predicted: Belief, motions: F64, link: float, past: Sequence[Past]
-) -> list[PoseProposal]:
-    """Return what pose sensors propose whose readings a predicted cloud does not explain, nor may explain.
-
-    The updates before check it, by the movements (M, 3) since then, and how these link the frame to the one
-    before.
-    """
-    asked = comparison.sensed
-    if link > DOUBTFUL_NATS:  # else the robot may be where a few particles fit by chance
-        cloud = predicted.poses, predicted.weights, predicted.origin
-        asked = tuple(part for part in asked if part.is_explained(*cloud) is False)
-    return proposals_of(asked, partial(earlier, motions=motions, link=link, past=past))
 
 
 def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> list[PoseProposal]:
@@ -261,89 +246,55 @@ def _weight_near(pose: F64, predicted: Belief, reach_m: float) -> float:
 
 # Guided motion.
 
-# the number of a movement, any poses (n, 3) and the noise (n, 3) of each, to poses after it (n, 3)
-Move = Callable[[int, F32, F32], F32]
 
+def guided_motion(prediction: Prediction, pose: F64, covariance: F64, share: float) -> ProposedParticles:
+    """Move N particles, a share of them toward the pose (3,) that a sensor proposes in the map's frame.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnNoise:
-    """Noise as the motion model draws it: N particles, M movements."""
-
-    normals: F64  # (N, 3 M) standard normals
-    widths: F64  # (N, 3 M) what they are multiplied with: more than 1 for motion outliers
-
-
-def guided(prediction: Prediction, pose: F64, covariance: F64, share: float) -> ProposedParticles:
-    """Move the particles, a share of them toward a pose (3,) in the map's frame with a covariance (3, 3)."""
-    before, rng = prediction.before, prediction.rng(Purpose.GUIDE)
-    target = pose - [*before.origin, 0.0]
-    drawn = _drawn(prediction)
-    poses, correction = guided_motion(before.poses, prediction.move, drawn, target, covariance, share, rng)
-    return ProposedParticles(Belief(poses, before.log_weights, before.origin), correction, is_guided=True)
-
-
-def _drawn(prediction: Prediction) -> DrawnNoise:
-    """Return the noise of a prediction, and how much of it is that of outliers."""
-    normals = np.concatenate(prediction.by_movement(prediction.normals), axis=1, dtype=np.float64)
-    n, outliers = prediction.before.size, prediction.outliers
-    wide = [widths(n, outliers, rng) for rng in prediction.outlier_rngs()]
-    return DrawnNoise(normals, np.repeat(np.stack(wide, axis=1), 3, axis=1))
-
-
-def guided_motion(
-    poses: F32,
-    move: Move,
-    drawn: DrawnNoise,
-    pose: F64,
-    covariance: F64,
-    share: float,
-    rng: np.random.Generator,
-) -> tuple[F32, F64]:
-    """Move N particles (N, 3); return their poses, and the logs (N,) of predicted over proposal density.
-
-    `pose` (3,), in the frame of the particles, and `covariance` (3, 3) are what a sensor proposes.
+    The correction is the log of the predicted over the proposal density. `covariance` is (3, 3).
     """
-    still, by_noise = _linearized(poses, move, drawn)
-    off = pose - still
+    before, rng = prediction.before, prediction.rng(Purpose.GUIDE)
+    normals = np.concatenate(prediction.by_movement(prediction.normals), axis=1, dtype=np.float64)
+    outliers = [widths(before.size, prediction.outliers, rng) for rng in prediction.outlier_rngs()]
+    wide = np.repeat(np.stack(outliers, axis=1), 3, axis=1)  # (N, 3 M) what the normals are multiplied with
+    still, by_noise = _linearized(prediction, wide)
+    off = pose - [*before.origin, 0.0] - still
     off[:, 2] = wrap(off[:, 2])
     seen = covariance + LEAST_VARIANCE * np.eye(3)
     predicted = by_noise @ np.swapaxes(by_noise, 1, 2) + seen
     # a draw from the noise's posterior: one from its prior, moved by what it does not explain (Matheron)
     missed = rng.standard_normal((len(off), 3)) @ np.linalg.cholesky(seen).T
-    unexplained = off - _applied(by_noise, drawn.normals) - missed
+    unexplained = off - _applied(by_noise, normals) - missed
     follow = np.flatnonzero(rng.random(len(off)) < share)
     change = np.linalg.solve(predicted[follow], unexplained[follow, :, None])[:, :, 0]
-    normals = drawn.normals.copy()
     normals[follow] += np.einsum("nij,ni->nj", by_noise[follow], change)
     # Bayes: the posterior's density over the prior's, at any noise
     seen_density = _log_normal(off - _applied(by_noise, normals), seen[None])
     gain = seen_density - _log_normal(off, predicted)
     correction = -np.logaddexp(np.log1p(-share), np.log(share) + gain)
-    noise = (normals * drawn.widths).astype(np.float32)
+    noise, poses = (normals * wide).astype(np.float32), before.poses
     for movement in range(noise.shape[1] // 3):
-        poses = move(movement, poses, noise[:, 3 * movement : 3 * movement + 3])
-    return poses, correction
+        poses = prediction.move(movement, poses, noise[:, 3 * movement : 3 * movement + 3])
+    return ProposedParticles(Belief(poses, before.log_weights, before.origin), correction, is_guided=True)
 
 
-def _linearized(poses: F32, move: Move, drawn: DrawnNoise) -> tuple[F64, F64]:
-    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals.
+def _linearized(prediction: Prediction, wide: F64) -> tuple[F64, F64]:
+    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals, as wide (N, 3 M).
 
     The particles move once without noise and once with each of the normals changed, all of them together.
     """
-    count, columns = drawn.normals.shape
-    moved = poses
+    moved, (count, columns) = prediction.before.poses, wide.shape
     for movement in range(columns // 3):
         before, moved = len(moved), np.concatenate([moved, *[moved[:count]] * 3])
         noise = np.zeros((3, len(moved)), np.float32)  # column by column
         for k in range(3):
             noise[k, before + k * count :][:count] = UNIT
-        moved = move(movement, moved, noise.T)
+        moved = prediction.move(movement, moved, noise.T)
     still = moved[:count].astype(np.float64)
     by_noise = np.empty((count, 3, columns))
     for column in range(columns):
-        there = moved[(column + 1) * count :][:count] - still
-        there[:, 2] = wrap(there[:, 2])
-        by_noise[:, :, column] = there / UNIT * drawn.widths[:, column, None]
+        change = moved[(column + 1) * count :][:count] - still
+        change[:, 2] = wrap(change[:, 2])
+        by_noise[:, :, column] = change / UNIT * wide[:, column, None]
     return still, by_noise
 
 

@@ -38,6 +38,8 @@ from .motion import MotionModel, MotionOutliers, with_outliers
 from .resampling import systematic
 from .sampling import Regions, density, from_sensors, informed_poses, proposals_of, shares_of
 
+Updates = Sequence[Past]  # what was kept of earlier ones, the latest first
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -120,18 +122,11 @@ class Proposal(Protocol):
         """What draws some particles anew at every update; None: nothing does."""
         return None
 
-    def propose(
-        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
-    ) -> ProposedParticles:
-        """Return particles before they are weighted by the picture.
-
-        `past` is what was kept of the updates before, the latest first.
-        """
+    def propose(self, prediction: Prediction, comparison: Comparison, past: Updates) -> ProposedParticles:
+        """Return particles before they are weighted by the picture."""
         ...
 
-    def keep(
-        self, record: StepRecord, movement: MeasuredMovement | None, past: Sequence[Past]
-    ) -> tuple[Past, ...]:
+    def keep(self, record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> tuple[Past, ...]:
         """Return what the next update may ask for, the latest first: of an update and of those before it."""
         return ()
 
@@ -140,9 +135,7 @@ class Proposal(Protocol):
 class MotionProposal(Proposal):
     """Draw all particles by the motion model, as the thesis does."""
 
-    def propose(
-        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
-    ) -> ProposedParticles:
+    def propose(self, prediction: Prediction, comparison: Comparison, past: Updates) -> ProposedParticles:
         """See `Proposal.propose`."""
         return ProposedParticles(prediction.belief)
 
@@ -173,70 +166,57 @@ class MixtureProposal(Proposal):
         """See `Proposal.mixture`."""
         return self
 
-    def propose(
-        self, prediction: Prediction, comparison: Comparison, past: Sequence[Past]
-    ) -> ProposedParticles:
+    def propose(self, prediction: Prediction, comparison: Comparison, past: Updates) -> ProposedParticles:
         """See `Proposal.propose`."""
-        return self.mixed(prediction.belief, prediction, comparison, proposals_of(comparison.sensed))
+        likely, rng = comparison.log_likelihood, prediction.rng(Purpose.MIXTURE)
+        return self.mixed(prediction.belief, likely, rng, proposals_of(comparison.sensed))
 
     def mixed(
         self,
         predicted: Belief,
-        prediction: Prediction,
-        comparison: Comparison,
-        proposals: Sequence[PoseProposal],
+        log_likelihood: F32,
+        rng: np.random.Generator,
+        proposals: Sequence[PoseProposal] = (),
     ) -> ProposedParticles:
-        """Draw a share of a predicted belief anew."""
-        likely, rng = comparison.log_likelihood, prediction.rng(Purpose.MIXTURE)
-        nearest, where = self.reference, self.regions
-        return mixture_proposal(predicted, likely, nearest, where, self.parameters, rng, proposals)
+        """Resample N particles but a share; return them with corrections.
 
+        The share is drawn from the picture's likelihood (L,); most of it from what pose sensors propose, if
+        any do.
+        """
+        count, origin = round(self.parameters.share * predicted.size), predicted.origin
+        kept = systematic(predicted.weights, predicted.size - count, rng)
+        grid, where = self.reference.grid, self.regions
+        drawn = informed_poses(log_likelihood, proposals, grid, where, count, origin, rng)
+        poses = np.concatenate([predicted.poses[kept], drawn])
+        correction = self._correction(poses, predicted, log_likelihood, proposals)
+        return ProposedParticles(Belief(poses, uniform_log_weights(len(poses)), origin), correction)
 
-def mixture_proposal(
-    predicted: Belief,
-    log_likelihood: F32,
-    nearest: NearestReference,
-    where: Regions,
-    parameters: MixtureParameters,
-    rng: np.random.Generator,
-    proposals: Sequence[PoseProposal] = (),
-) -> ProposedParticles:
-    """Resample N particles but a share; return them with corrections.
-
-    The share is drawn from the picture's likelihood; most of it from what pose sensors propose, if any do.
-    """
-    count = round(parameters.share * predicted.size)
-    kept = systematic(predicted.weights, predicted.size - count, rng)
-    sensors = from_sensors(count, proposals)
-    drawn = informed_poses(log_likelihood, proposals, nearest.grid, where, count, predicted.origin, rng)
-    poses = np.concatenate([predicted.poses[kept], drawn])
-    k, even = _kept_shares(predicted, nearest, where), where.sizes() / where.sizes().sum()
-    believed = max((proposal.believed for proposal in proposals), default=0.0)  # by earlier readings
-    teleport = max(parameters.teleport, believed)
-    p = (1 - teleport) * k + teleport * even
-    q = shares_of(log_likelihood, where)
-    share = (count - sensors) / predicted.size
-    mixture = (1 - count / predicted.size) * k + share * q
-    ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # none is drawn at density 0
-    with np.errstate(divide="ignore"):
-        per_entry = np.log(ratio)
-    entries = nearest.entries(poses, predicted.origin)
-    correction = np.append(per_entry, 0.0)[entries]
-    if sensors:
-        # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
-        sizes = np.maximum(where.sizes(), 1)  # no pose is nearest to one of size 0
-        per_pose = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
+    def _correction(
+        self, poses: F32, predicted: Belief, log_likelihood: F32, proposals: Sequence[PoseProposal]
+    ) -> F64:
+        """Return the log (N,) of predicted over proposal density at the poses (N, 3) of the mixture."""
+        count, sizes = round(self.parameters.share * predicted.size), self.regions.sizes()
+        sensors = from_sensors(count, proposals)
+        believed = max((proposal.believed for proposal in proposals), default=0.0)  # by earlier readings
+        teleport = max(self.parameters.teleport, believed)
+        k, q = self._kept_shares(predicted), shares_of(log_likelihood, self.regions)
+        p = (1 - teleport) * k + teleport * (sizes / sizes.sum())
+        mixture = (1 - count / predicted.size) * k + (count - sensors) / predicted.size * q
+        entries = self.reference.entries(poses, predicted.origin)
+        if not sensors:
+            ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # 0: none is drawn
+            with np.errstate(divide="ignore"):
+                return np.append(np.log(ratio), 0.0)[entries]
+        # these densities are even within the poses nearest to an entry, if any: per m^2 and rad
+        per_pose = 1 / (np.maximum(sizes, 1) * self.reference.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
         of_sensors = sensors / predicted.size * density(proposals, poses, predicted.origin)
         part = np.append(np.stack([p, mixture]) * per_pose, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):
-            correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + of_sensors))
-    belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
-    return ProposedParticles(belief, np.asarray(correction))
+            return np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + of_sensors))
 
-
-def _kept_shares(predicted: Belief, nearest: NearestReference, where: Regions) -> F64:
-    """Return the share (L,) of the predicted weight nearest to each entry."""
-    entry = nearest.entries(predicted.poses, predicted.origin)
-    inside = entry >= 0
-    shares = np.bincount(entry[inside], predicted.weights[inside], len(where.place_of_entry))
-    return np.asarray(shares, np.float64)
+    def _kept_shares(self, predicted: Belief) -> F64:
+        """Return the share (L,) of the predicted weight nearest to each entry."""
+        entry = self.reference.entries(predicted.poses, predicted.origin)
+        inside = entry >= 0
+        shares = np.bincount(entry[inside], predicted.weights[inside], len(self.regions.place_of_entry))
+        return np.asarray(shares, np.float64)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.filter.proposal import MixtureParameters, mixture_proposal
+from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal
 from maurice_mcl.filter.sampling import likely_poses, regions, shares_of, uniform_poses
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
 from maurice_mcl.values.map import Arena, Region, make_grid
@@ -201,7 +201,7 @@ def _belief(n=1000, seed=1):
 def _mix(belief=None, share=0.3, teleport=0.05, logs=LOGS, seed=2):
     belief = _belief() if belief is None else belief
     parameters = MixtureParameters(share, teleport)
-    found = mixture_proposal(belief, logs, NEAREST, WHERE, parameters, stream(9, seed))
+    found = MixtureProposal(parameters, NEAREST, WHERE).mixed(belief, logs, stream(9, seed))
     return found.belief, found.correction
 
 
@@ -263,9 +263,8 @@ def test_corrected_means_are_those_of_the_prediction(teleport, believed):
         rng = stream(9, seed)
         poses = likely_poses(logs, NEAREST.grid, WHERE, 500, MIXTURE_MIDDLE, rng)
         belief = Belief(poses, normalize(np.zeros(500))[0], MIXTURE_MIDDLE)
-        mixed = mixture_proposal(
-            belief, LOGS, NEAREST, WHERE, parameters, rng, () if believed is None else [proposed]
-        )
+        mixture = MixtureProposal(parameters, NEAREST, WHERE)
+        mixed = mixture.mixed(belief, LOGS, rng, () if believed is None else [proposed])
         known, found = (value[NEAREST.entries(b.poses, MIXTURE_MIDDLE)] for b in (belief, mixed.belief))
         carried = max(teleport, believed or 0.0)
         expected = (1 - carried) * known.mean() + carried * even @ value[:16]
@@ -282,7 +281,9 @@ def test_the_mixture_bears_odd_clouds():
     for teleport in (0.0, 0.01):
         parameters = MixtureParameters(0.3, teleport)
         for proposals in ((), (PoseProposal(twice[:1], 0.01 * np.eye(3)[None], np.ones(1)),)):
-            mixed = mixture_proposal(_belief(), logs, nearest, where, parameters, stream(9, 2), proposals)
+            mixed = MixtureProposal(parameters, nearest, where).mixed(
+                _belief(), logs, stream(9, 2), proposals
+            )
             assert not np.isnan(mixed.correction).any()
             assert np.isfinite(mixed.belief.poses).all()
     belief = _belief()
