@@ -18,7 +18,7 @@ from maurice_datasets.trials.drives import Drive, RenderedSession, bench_of, pla
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.sampling import belief_at
+from maurice_mcl.filter.proposal import belief_at
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.nearest import spacing

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maurice_mcl.sensor.laser.beams import judge
-from maurice_mcl.sensor.laser.fit import MOUNTS_M, OFF_NATS, ScanFits
+from maurice_mcl.sensor.laser.fit import MISFIT_NATS, MOUNTS_M, ScanFits
 from maurice_mcl.sensor.laser.matching import THROUGH_M
 from maurice_mcl.sensor.laser.models import SIGMA_M, laser_map
 from maurice_mcl.sensor.laser.parameters import LaserParameters
@@ -116,7 +116,7 @@ class ScansAtTruth:
             x, y = rotated(reading.ends[:, 0], reading.ends[:, 1], float(pose[2]))
             ends = np.column_stack([x, y]) + pose[:2]
             nats.append(float(field.at(about + (ends - about) * factor).mean()))
-        return np.array(nats) / -OFF_NATS
+        return np.array(nats) / -MISFIT_NATS
 
     def _ways(self) -> Mapping[str | float, tuple[F64, F64]]:
         """Return by what factor, and about what place, ends of beams are scaled; -1 mirrors them."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maurice_mcl.sensor.laser.fit import OFF_NATS
+from maurice_mcl.sensor.laser.fit import MISFIT_NATS
 from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, THROUGH_M, Matcher
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.sensor.laser.reading import read_scan
@@ -106,7 +106,7 @@ def _best_fits(
         if matches is None or reading is None:
             continue
         judged = laser.judged(reading, matches.poses[0])
-        off = -float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points)))
+        off = -float(matches.nats[0]) / (MISFIT_NATS * min(INDEPENDENT_BEAMS, len(points)))
         behind = reading.hits & (judged.measured_m > judged.expected_m + THROUGH_M)  # on whatever is there
         near = places is not None and np.hypot(*(matches.poses[0] - places[number])[:2]) < NEAR_M
         there = judged if places is None else laser.judged(reading, places[number])

@@ -16,7 +16,7 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.branch import recovery_evidence
-from maurice_mcl.filter.following import KEPT, can_propose
+from maurice_mcl.filter.following import KEPT_UPDATES, can_propose
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_table
@@ -193,7 +193,7 @@ class _Past:
         """Go through the run once and measure every picture after the branch once. InputError."""
         past, label = cls(point, step, sensors), point.run.manifest.label
         seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
-        last = deque[tuple[Frame, F64]](maxlen=KEPT)  # the latest first
+        last = deque[tuple[Frame, F64]](maxlen=KEPT_UPDATES)  # the latest first
         for moment, records in seen:
             if len(past.moments) == MOST_UPDATES:
                 break

@@ -13,10 +13,9 @@ from ..errors import InputError
 from ..filter.following import GuidedProposal, can_propose
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
-from ..filter.proposal import MixtureProposal, MotionProposal, Proposal
+from ..filter.proposal import MixtureProposal, MotionProposal, Proposal, Regions, regions
 from ..filter.recovery import STRATEGIES, RecoveryStep
 from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
-from ..filter.sampling import Regions, regions
 from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
 from ..sensor.descriptors.registry import CHANNELS, weights_of
 from ..sensor.laser.sensor import LASER, laser_of

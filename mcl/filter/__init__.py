@@ -4,8 +4,7 @@
 - `batch_step`: many runs with different seeds, stepped as one array
 - `branch`: the state in which another filter goes on from a step
 - `motion`: motion models and motion outliers
-- `sampling`: poses drawn evenly, where a picture or a sensor puts the robot, and where a run begins
-- `proposal`: where particles are drawn: by the motion model, or some by the mixture proposal
+- `proposal`: where particles are drawn: at the start, by the motion model, or some by the mixture proposal
 - `following`: the proposal of filters whose particles follow what sensors measure and propose
 - `weighting`: weights by a picture, and what it says of the cloud
 - `resampling`: schemes, policies, roughening, adaptive size (KLD)

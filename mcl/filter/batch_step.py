@@ -1,7 +1,7 @@
 """R independent runs of one filter, all of N particles, stepped as one array.
 
-A run-step that is out of the ordinary (all weights zero, fresh particles, a cloud of a hundred radii) is
-taken alone, by `Localizer.step`: batches are made of what nearly always happens.
+A step of a run in which something rare happens (all weights zero, fresh particles, a cloud that is wider than
+a hundred radii) is taken by `Localizer.step` instead: batches do only what nearly always happens.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .motion import with_outliers
 from .proposal import MotionProposal
 from .resampling import Resampler, always, systematic
 
-TOGETHER = 32_768  # particles: with fewer, numpy's calls cost more than passes outside of a core's cache
+BLOCK_PARTICLES = 32_768  # stepped at once: with fewer, numpy's calls cost more than a full cache
 MOST_PARTICLES = 4096  # of a run: with more, its own passes cost more than numpy's calls
-STEPS = 64  # whose addresses are made at once
+BLOCK_STEPS = 64  # for which addresses of random numbers are made at once
 
 Runs = NDArray[np.intp]  # (r,) some of the R runs, by number
 Put = Callable[[Runs, dict[str, NDArray[Any]]], None]  # runs, and what was found in each
@@ -68,7 +68,7 @@ class Batch:
         references, values = self.localizer.sensor.references, None
         if isinstance(references, InterpolatedReference) and references.pays_for(self.log_weights.size):
             values = references.at_headings(comparison.of_references)
-        group = max(TOGETHER // particles, 1)
+        group = max(BLOCK_PARTICLES // particles, 1)
         for first in range(0, count, group):
             rows = slice(first, min(first + group, count))
             self._advance_some(rows, frame, comparison, values, put, put_record)
@@ -87,8 +87,9 @@ class Batch:
         runs, prior = np.arange(rows.start, rows.stop), self.log_weights[rows]
         moved = self._moved(rows, frame)
         entries, likelihood = self._looked_up(moved, comparison, values)
-        sensed = self._sensed(moved, comparison)
+        sensed = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T, moved.shape[1])
         if sensed is not None:
+            sensed = sensed.reshape(moved.shape[1:])
             likelihood = likelihood + np.float32(self.localizer.sensor.parameters.sharpness) * sensed
         posterior = prior + likelihood
         usual = np.isfinite(posterior.max(axis=1))
@@ -150,11 +151,6 @@ class Batch:
             likelihood, _ = references.among_places(values.take, cell, heading, entries < 0)
         return entries.reshape(shape), likelihood.reshape(shape)
 
-    def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:
-        """Return the nats (r, N) of the pose sensors at every particle; None if none said anything."""
-        nats = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T, moved.shape[1])
-        return None if nats is None else nats.reshape(moved.shape[1:])
-
     def _evidence(self, prior: F64, entries: I32, comparison: Comparison) -> F64:
         """Return the calibrated evidence (r,): `log_mean_likelihood` of every row."""
         bins = len(comparison.cost) + 1
@@ -212,11 +208,11 @@ class Batch:
 
     def _words(self, step: int, purpose: int, child: int | None = None) -> U64:
         """Return what begins the generators (R, 4) of all runs at an address."""
-        block, key = step // STEPS, (purpose, child)
+        block, key = step // BLOCK_STEPS, (purpose, child)
         if self.addresses.get(key, (None,))[0] != block:
-            steps = np.arange(block * STEPS, (block + 1) * STEPS)
+            steps = np.arange(block * BLOCK_STEPS, (block + 1) * BLOCK_STEPS)
             self.addresses[key] = block, address_words(Domain.FILTER, self.seeds, steps, purpose, child)
-        return self.addresses[key][1][:, step % STEPS]
+        return self.addresses[key][1][:, step % BLOCK_STEPS]
 
 
 def _normalize(log_weights: F64) -> F64:

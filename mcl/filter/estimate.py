@@ -26,7 +26,7 @@ MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over
 SETTLED_M = 0.001  # a mean that shifts by less has converged
 MOST_SHIFTS = 30  # an evenly spread cloud has no mode to converge to
 CIRCLE_M = 6 * INCH_M  # radius of a circle one foot in diameter: the thesis's measure of success (3.6.2)
-TIE = 1e-9  # relative difference below which shares of weight are equal: processors round differently
+TIE = 1e-9  # relative: shares of weight that differ by less are equal, as processors round differently
 
 Modes: TypeAlias = tuple[Estimate, ...]
 

@@ -5,7 +5,7 @@ the robot moved since the frame before, where the sensor alone would put the rob
 before agree. Poses where the cloud is not are for the mixture proposal; toward one that it tracks, some of
 the particles are guided.
 
-Guided motion: where motion noise is wide beside what a sensor knows, most particles land where the
+Guided motion: where motion noise is widening beside what a sensor knows, most particles land where the
 likelihood is nearly zero. Here some of them draw their noise from what it is likely to have been, given the
 proposed pose: the improved proposal of FastSLAM 2.0 (Montemerlo et al. 2003), which is the optimal importance
 function of Doucet et al. (2000) for a motion model that is linear in its noise. The draws are those of a
@@ -44,18 +44,27 @@ from ..values import (
 )
 from ..values.randomness import Purpose
 from .motion import measured_motion, widths
-from .proposal import MixtureProposal, Prediction, Proposal, ProposedParticles, Updates
-from .sampling import LEAST_VARIANCE, proposals_of
+from .proposal import (
+    LEAST_VARIANCE,
+    MixtureProposal,
+    Prediction,
+    Proposal,
+    ProposedParticles,
+    Updates,
+    proposals_of,
+)
 
-TRACKED_SHARE = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
+TRACKED_SHARE = 0.01  # of the weight near a mode: with as much, the cloud tracks it by itself
 TRACKED_RAD = np.pi / 6
-KEPT = 40  # updates
-SAME_M, SAME_RAD = 0.3, 0.2  # between estimates and odometry: the estimates tell the movement better
-JUMP_M = 2.0  # an estimate that moved so much more than the robot did is another one
-# Nats that speak for an estimate: of a start that somebody gave; of each update, as a share of what its
-# readings say, as most of that was said before; and at most. Chosen with those in `sensor.laser.history`.
-START_NATS, START_M, SHARE, MOST_NATS = 60.0, 1.0, 0.15, 100.0
-UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does
+KEPT_UPDATES = 40  # updates
+# Where two estimates differ from odometry by less, their difference is the better measure of the movement.
+SAME_M, SAME_RAD = 0.3, 0.2
+JUMP_M = 2.0  # an estimate that moved so much farther than the robot is that of another place
+# Nats of trust in an estimate: at a start that somebody gave, which is a cloud no wider than START_SD_M; of
+# each update, as a share of its readings' support, most of which repeats what was read before; and at most.
+# Chosen together with the constants of `sensor.laser.history`.
+START_NATS, START_SD_M, SUPPORT_SHARE, MOST_TRUST_NATS = 60.0, 1.0, 0.15, 100.0
+NOISE_STEP = np.float32(0.5)  # standard deviations: the step of the derivatives by the noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +125,7 @@ class GuidedProposal(Proposal):
 
     def keep(self, record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> tuple[Past, ...]:
         """See `Proposal.keep`."""
-        return (kept(record, movement, past), *past)[:KEPT]
+        return (kept(record, movement, past), *past)[:KEPT_UPDATES]
 
 
 # How the robot moved, as a sensor measures it.
@@ -160,10 +169,10 @@ def earlier(name: str, motions: F64, link: float, past: Updates) -> list[Earlier
 
 
 def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> Past:
-    """Return what is kept of an update: its movement as best known, and what speaks for the estimate."""
+    """Return what is kept of an update: its movement as best known, and the trust in its estimate."""
     motions, link = record.frame.motions, 0.0 if movement is None else movement.link
     sensed, estimate = record.sighting.comparison.sensed, record.estimate.pose
-    trust = past[0].trust if past else START_NATS * _is_together(record.predicted)
+    trust = past[0].trust if past else START_NATS * (_deviation_m(record.predicted) < START_SD_M)
     if past and len(motions):
         between = motion_between(past[0].estimate, estimate)
         motion = reduce(compose_motions, motions) if movement is None else movement.motion
@@ -173,13 +182,7 @@ def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -
         if off_m > JUMP_M or not (movement is None or movement.is_linked):
             trust = 0.0
     support = sum(max(0.0, part.support(estimate)) for part in sensed)
-    return Past(motions, sensed, estimate, link, min(MOST_NATS, trust + SHARE * support))
-
-
-def _is_together(cloud: Belief) -> bool:
-    """Return whether a cloud began where somebody put it."""
-    off = cloud.poses[:, :2] - cloud.weights @ cloud.poses[:, :2]
-    return bool(cloud.weights @ (off**2).sum(axis=1) < START_M**2)
+    return Past(motions, sensed, estimate, link, min(MOST_TRUST_NATS, trust + SUPPORT_SHARE * support))
 
 
 # Which proposals a cloud tracks.
@@ -190,17 +193,17 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
 
     A cloud that has a hundredth of its weight within `reach_m` and 30 degrees of a mode tracks it by itself,
     and knows more of it than the sensor alone: the past. Not so a cloud whose headings have a standard
-    deviation above 30 degrees: too few of its particles are near. A cloud that is together, with a standard
-    deviation below `reach_m`, does not follow one thing alone, which may have been moved; one that searches
-    does.
+    deviation above 30 degrees: too few of its particles are near. A cloud with a standard deviation below
+    `reach_m` is not drawn to what a single object speaks for, which may have been moved; a wider one, which
+    searches, is.
     """
     parts, together = [], _deviation_m(predicted) < reach_m
     turned = _deviation_rad(predicted) > TRACKED_RAD
     for proposal in proposals:
         near = np.array([_weight_near(pose, predicted, reach_m) for pose in proposal.poses])
         kept = (near < TRACKED_SHARE) | turned
-        if together and proposal.of_one_thing is not None:
-            kept &= ~proposal.of_one_thing
+        if together and proposal.from_one_object is not None:
+            kept &= ~proposal.from_one_object
         if kept.any():
             parts.append(proposal.only(kept))
     return parts
@@ -209,8 +212,8 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
 def tracked(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> tuple[F64, F64] | None:
     """Return the pose (3,) and covariance (3, 3) of the proposed mode that the predicted cloud tracks.
 
-    It is that with the most weight of both, in the map's frame; None where the cloud tracks none
-    (`elsewhere`).
+    Of several it is that with the largest product of both weights; None where the cloud tracks none
+    (`elsewhere`). In the map's frame.
     """
     most, mode = 0.0, None
     for proposal in proposals:
@@ -255,8 +258,8 @@ def guided_motion(prediction: Prediction, pose: F64, covariance: F64, share: flo
     before, rng = prediction.before, prediction.rng(Purpose.GUIDE)
     normals = np.concatenate(prediction.by_movement(prediction.normals), axis=1, dtype=np.float64)
     outliers = [widths(before.size, prediction.outliers, rng) for rng in prediction.outlier_rngs()]
-    wide = np.repeat(np.stack(outliers, axis=1), 3, axis=1)  # (N, 3 M) what the normals are multiplied with
-    still, by_noise = _linearized(prediction, wide)
+    widening = np.repeat(np.stack(outliers, axis=1), 3, axis=1)  # (N, 3 M), more than 1 for outliers
+    still, by_noise = _linearized(prediction, widening)
     off = pose - [*before.origin, 0.0] - still
     off[:, 2] = wrap(off[:, 2])
     seen = covariance + LEAST_VARIANCE * np.eye(3)
@@ -271,30 +274,30 @@ def guided_motion(prediction: Prediction, pose: F64, covariance: F64, share: flo
     seen_density = _log_normal(off - _applied(by_noise, normals), seen[None])
     gain = seen_density - _log_normal(off, predicted)
     correction = -np.logaddexp(np.log1p(-share), np.log(share) + gain)
-    noise, poses = (normals * wide).astype(np.float32), before.poses
+    noise, poses = (normals * widening).astype(np.float32), before.poses
     for movement in range(noise.shape[1] // 3):
         poses = prediction.move(movement, poses, noise[:, 3 * movement : 3 * movement + 3])
     return ProposedParticles(Belief(poses, before.log_weights, before.origin), correction, is_guided=True)
 
 
-def _linearized(prediction: Prediction, wide: F64) -> tuple[F64, F64]:
-    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals, as wide (N, 3 M).
+def _linearized(prediction: Prediction, widening: F64) -> tuple[F64, F64]:
+    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals.
 
     The particles move once without noise and once with each of the normals changed, all of them together.
     """
-    moved, (count, columns) = prediction.before.poses, wide.shape
+    moved, (count, columns) = prediction.before.poses, widening.shape
     for movement in range(columns // 3):
         before, moved = len(moved), np.concatenate([moved, *[moved[:count]] * 3])
         noise = np.zeros((3, len(moved)), np.float32)  # column by column
         for k in range(3):
-            noise[k, before + k * count :][:count] = UNIT
+            noise[k, before + k * count :][:count] = NOISE_STEP
         moved = prediction.move(movement, moved, noise.T)
     still = moved[:count].astype(np.float64)
     by_noise = np.empty((count, 3, columns))
     for column in range(columns):
         change = moved[(column + 1) * count :][:count] - still
         change[:, 2] = wrap(change[:, 2])
-        by_noise[:, :, column] = change / UNIT * wide[:, column, None]
+        by_noise[:, :, column] = change / NOISE_STEP * widening[:, column, None]
     return still, by_noise
 
 

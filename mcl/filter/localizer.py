@@ -34,10 +34,17 @@ from ..values.records import (
 from ..values.session import Frame, Moment, Session
 from .estimate import estimates
 from .motion import MotionModel, MotionOutliers, keep_in, motion_model
-from .proposal import MotionProposal, Prediction, Proposal, ProposedParticles
+from .proposal import (
+    MotionProposal,
+    Prediction,
+    Proposal,
+    ProposedParticles,
+    Regions,
+    belief_at,
+    uniform_belief,
+)
 from .recovery import Recovery, RecoveryStep
 from .resampling import Resampled, Resampling
-from .sampling import Regions, belief_at, uniform_belief
 from .weighting import Weighting, usable_evidence
 
 RESAMPLED = "resampled"

@@ -79,21 +79,21 @@ class MauriceMotion:
         """See `MotionModel.move`; columns of `noise`: length, drift, turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
-        way = float(np.hypot(forward, left))
+        distance_m = float(np.hypot(forward, left))
         heading = poses[:, 2] + np.float32(p.turn_gain * turn)
         if abs(turn) >= p.turn_from_rad:
             heading += noise[:, 2] * np.float32(p.turn_sd_rad) + np.float32(p.turn_bias_rad)
-        if way < p.straight_from_m:
+        if distance_m < p.straight_from_m:
             return _poses(poses[:, 0], poses[:, 1], wrap(heading))
-        length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
+        length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(distance_m + p.straight_bias_m)
         course = heading + np.float32(np.arctan2(left, forward))
-        drift = self._drift(poses[:, :2], origin, way if forward >= 0 else -way, noise[:, 1])
+        drift = self._drift(poses[:, :2], origin, distance_m if forward >= 0 else -distance_m, noise[:, 1])
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(heading + drift))
 
-    def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
-        """Return the drift (N,) in radians over a way, below 0 backward, by the floor under each particle."""
-        bias, sd = self._per_m * way_m + self._per_straight * math.copysign(1, way_m)
+    def _drift(self, xy: F32, origin: F64, distance_m: float, noise: F32) -> F32:
+        """Return the drift (N,) in radians over a distance (below 0 backward) by the floor under each."""
+        bias, sd = self._per_m * distance_m + self._per_straight * math.copysign(1, distance_m)
         bias, sd = bias.astype(np.float32), sd.astype(np.float32)
         if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
@@ -136,10 +136,10 @@ class OdometryParameters:
 
 
 def turns_of(motion: F64, way_from_m: float) -> tuple[float, float]:
-    """Return the turns in rad before and after the way of a movement (3,), as far as they make noise.
+    """Return the turns in rad before and after the straight of a movement (3,), as far as they make noise.
 
-    A robot may drive forward or backward: of both, the way that it turns less (AMCL treats both alike, too).
-    The direction of a way shorter than `way_from_m` counts as no turn.
+    A robot may drive forward or backward: of both, the smaller turns (AMCL treats both alike, too). The
+    direction of a straight shorter than `way_from_m` counts as no turn.
     """
     forward, left, turn = (float(v) for v in motion)
     if math.hypot(forward, left) < way_from_m:
@@ -162,15 +162,15 @@ class OdometryMotion:
         """See `MotionModel.move`; columns of `noise`: first turn, length, second turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
-        way = float(np.hypot(forward, left))
-        first = float(np.arctan2(left, forward)) if way > 0 else 0.0
+        distance_m = float(np.hypot(forward, left))
+        first = float(np.arctan2(left, forward)) if distance_m > 0 else 0.0
         second = turn - first
         a, b = turns_of(motion, p.way_from_m)
-        first_sd = math.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
-        way_sd = math.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
-        second_sd = math.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)
+        first_sd = math.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * distance_m**2)
+        distance_sd = math.sqrt(p.way_from_way * distance_m**2 + p.way_from_turn * (a**2 + b**2))
+        second_sd = math.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * distance_m**2)
         course = poses[:, 2] + (np.float32(first) + noise[:, 0] * np.float32(first_sd))
-        length = np.float32(way) + noise[:, 1] * np.float32(way_sd)
+        length = np.float32(distance_m) + noise[:, 1] * np.float32(distance_sd)
         heading = course + (np.float32(second) + noise[:, 2] * np.float32(second_sd))
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(heading))
@@ -182,29 +182,29 @@ class OmniParameters:
 
     turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (Nav2's alpha 1; ROS 1's 4)
     turn_from_way: float = 0.02  # rad^2 of turn per m^2 driven (alpha 2)
-    way_from_way: float = 0.02  # m^2 along the way per m^2 driven (alpha 3)
-    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (4; 1)
-    side_from_way: float = 0.02  # m^2 across the way per m^2 driven (alpha 5)
+    way_from_way: float = 0.02  # m^2 ahead per m^2 driven (alpha 3)
+    way_from_turn: float = 0.0005  # m^2 ahead and aside per rad^2 of turn (4; 1)
+    side_from_way: float = 0.02  # m^2 aside per m^2 driven (alpha 5)
 
 
 @dataclass(frozen=True, slots=True)
 class OmniMotion:
-    """Noise along and across the way, and of the turn, as AMCL's omnidirectional model has it."""
+    """Noise along and across the movement, and of the turn, as AMCL's omnidirectional model has it."""
 
     parameters: OmniParameters = OmniParameters()
 
     def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
-        """See `MotionModel.move`; columns of `noise`: along the way, across it, turn."""
+        """See `MotionModel.move`; columns of `noise`: along the movement, across it, turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
-        way = math.hypot(forward, left)
-        along_sd = math.sqrt(p.way_from_way * way**2 + p.way_from_turn * turn**2)
-        across_sd = math.sqrt(p.side_from_way * way**2 + p.way_from_turn * turn**2)
-        turn_sd = math.sqrt(p.turn_from_turn * turn**2 + p.turn_from_way * way**2)
+        distance_m = math.hypot(forward, left)
+        along_sd = math.sqrt(p.way_from_way * distance_m**2 + p.way_from_turn * turn**2)
+        across_sd = math.sqrt(p.side_from_way * distance_m**2 + p.way_from_turn * turn**2)
+        turn_sd = math.sqrt(p.turn_from_turn * turn**2 + p.turn_from_way * distance_m**2)
         course = poses[:, 2] + np.float32(math.atan2(left, forward))
         cos, sin = np.cos(course), np.sin(course)
         along, across = (
-            np.float32(way) + noise[:, 0] * np.float32(along_sd),
+            np.float32(distance_m) + noise[:, 0] * np.float32(along_sd),
             noise[:, 1] * np.float32(across_sd),
         )
         heading = poses[:, 2] + np.float32(turn) + noise[:, 2] * np.float32(turn_sd)
@@ -241,8 +241,8 @@ class PictureMotion:
         """See `MotionModel.move`; columns of `noise`: direction, length, turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
-        way, unseen = float(np.hypot(forward, left)), turn == 0
-        if way == 0 and not unseen:
+        distance_m, unseen = float(np.hypot(forward, left)), turn == 0
+        if distance_m == 0 and not unseen:
             return self._standing(poses, turn, noise)
         turned = np.float32(turn) + noise[:, 2] * np.float32(
             p.unseen_turn_sd_rad if unseen else p.turn_sd_rad
@@ -250,7 +250,7 @@ class PictureMotion:
         course = poses[:, 2] + np.float32(np.arctan2(left, forward))
         course += turned * (noise[:, 0] + 1) / 2 if unseen else noise[:, 0] * np.float32(p.direction_sd_rad)
         share = p.unseen_way_share if unseen else p.way_share
-        length = np.float32(way) * np.exp(noise[:, 1] * np.float32(share))
+        length = np.float32(distance_m) * np.exp(noise[:, 1] * np.float32(share))
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(poses[:, 2] + turned))
 
@@ -314,12 +314,12 @@ def _number(name: str, value: Any) -> float:
 
 # Share of a measured standard deviation that particles spread by: errors of successive movements
 # cancel, as each is measured against ten frames. With all of it a cloud spreads ten times too far.
-DRIFT = 0.2
+SPREAD_SHARE = 0.2
 
 
 def measured_motion(poses: F32, movement: MeasuredMovement, noise: F32) -> F32:
     """Return poses (N, 3) after a movement that a sensor measured, with standard normals (N, 3)."""
-    spread = (DRIFT * np.linalg.cholesky(movement.covariance)).astype(np.float32)
+    spread = (SPREAD_SHARE * np.linalg.cholesky(movement.covariance)).astype(np.float32)
     forward, left, turn = (movement.motion.astype(np.float32) + noise @ spread.T).T
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x, y = cos * forward - sin * left, sin * forward + cos * left

@@ -28,11 +28,11 @@ from ..values.records import (
     uniform_log_weights,
 )
 from ..values.setting_rules import NATS, SHARE, choice, number, whole
-from .proposal import MixtureParameters
+from .proposal import MixtureParameters, Regions, informed_poses, proposals_of, uniform_poses
 from .resampling import Resampled
-from .sampling import Regions, informed_poses, proposals_of, uniform_poses
 
-# a bad picture counts as one so far below the mean at most (Huber 1981), and so much less than a good one
+# In the running mean a bad picture lies at most so many deviations below it (Huber 1981), with this share of
+# the weight of a good one.
 BAD_SDS, BAD_SHARE = 2.0, 0.1
 
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state

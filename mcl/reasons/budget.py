@@ -15,8 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..filter.localizer import Localizer
-from ..filter.proposal import MotionProposal
-from ..filter.sampling import regions
+from ..filter.proposal import MotionProposal, regions
 from ..scoring.batch import run_batch
 from ..scoring.metrics import score_table
 from ..scoring.table import RunTable

@@ -133,7 +133,7 @@ def too_flat(story: Story) -> Failure | None:
     ahead, own = median(fit.ahead for fit in fits), median(fit.own_ahead for fit in fits)
     growth = median(u.surprise.growth for u in story.updates if u.surprise is not None)
     moved_m = median(u.moved_m for u in story.updates if u.moved_m is not None)
-    says = median(fit.own_says for fit in fits)
+    says = median(fit.own_over_typical for fit in fits)
     if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or says > max(growth, FLAT_NATS):
         return None
     numbers = {"says_nats": says, "needs_nats": growth, "ahead_nats": ahead, "own_nats": own}

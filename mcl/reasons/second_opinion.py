@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..filter.localizer import Localizer
+from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
-from ..filter.sampling import poses_of_entries, uniform_poses
 from ..library.left_out import WIDENINGS
 from ..scoring.lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal, probability
 from ..values import F32, F64, I32, Domain, Opinion, StepRecord, stream

@@ -26,7 +26,7 @@ from .descriptors.registry import CHANNELS, NAME
 
 GROUP = "maurice_replay.sensors"
 NOT_THERE = "not there"  # as a version
-THEIRS = (Exception, SystemExit)  # other people's code may raise anything, and may end as a script does
+ANY_ERROR = (Exception, SystemExit)  # other people's code may raise anything, and may end as a script does
 METHODS = ("read", "log_likelihood", "propose", "shown")  # of `PoseSensor`
 
 
@@ -76,7 +76,7 @@ class OutsideSensor:
     def _call(self, method: str, *given: Any) -> Any:
         try:
             return getattr(self._sensor, method)(*given)
-        except THEIRS as problem:
+        except ANY_ERROR as problem:
             raise InputError(None, f"sensor {self.spelled}: {method} raised {_named(problem)}") from problem
 
 
@@ -97,7 +97,7 @@ def load_sensor(spelled: str) -> OutsideSensor:
     except ModuleNotFoundError as problem:
         advice = "install its package, or put its folder on PYTHONPATH"
         raise InputError(None, f"sensor {spelled}: no module named {problem.name!r}; {advice}") from problem
-    except THEIRS as problem:
+    except ANY_ERROR as problem:
         raise InputError(None, f"sensor {spelled}: its module raised {_named(problem)}") from problem
     kind = getattr(module, point.attr, None)
     if not isinstance(kind, type):
@@ -109,7 +109,7 @@ def load_sensor(spelled: str) -> OutsideSensor:
     try:
         sensor = kind()
         name = sensor.name
-    except THEIRS as problem:
+    except ANY_ERROR as problem:
         raise InputError(None, f"sensor {spelled}: making it raised {_named(problem)}") from problem
     if not isinstance(name, str) or not NAME.fullmatch(name) or name in (*CHANNELS, *POSE_SENSORS):
         expected = "expected a lower-case word like beacon that names no channel and no sensor of ours"

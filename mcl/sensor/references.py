@@ -29,7 +29,7 @@ from ..values.setting_rules import number, truth, whole
 OVERLAP_RAD = np.radians(60)  # between two headings at one place: views that still overlap
 REACH_SPACINGS, SILENT_SPACINGS = 2.5, 3.0  # from a place: its references speak, and no longer do
 LEAST_REACH_M = 18 * INCH_M  # at least: the spacing that the scales of the channels were fitted with
-ENOUGH_PLACES_SHARE = 0.25  # of the places around a pose that speak for it without the others
+ENOUGH_PLACES_SHARE = 0.25  # of the weight of the places around a pose: enough to know what is there
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
@@ -231,7 +231,7 @@ def _grow(place: I32, free: Bool) -> I32:
 
 # Interpolation: a particle is weighted by several entries around it.
 
-TOGETHER = 8192  # poses that are looked up at a time: what they need stays in a core's cache
+BLOCK_POSES = 8192  # poses that are looked up at a time: what they need stays in a core's cache
 LEAST_KERNEL_SUM = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
 
 
@@ -278,9 +278,9 @@ class InterpolatedReference:
 
     def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
         """Return the nearest entry of each pose, its interpolated log-likelihood, and how far it is known."""
-        if len(poses) <= TOGETHER:
+        if len(poses) <= BLOCK_POSES:
             return self._look(log_likelihood, poses, origin)
-        some = (poses[first : first + TOGETHER] for first in range(0, len(poses), TOGETHER))
+        some = (poses[first : first + BLOCK_POSES] for first in range(0, len(poses), BLOCK_POSES))
         looked, join = (self._look(log_likelihood, part, origin) for part in some), np.concatenate
         entries, values, known = zip(*looked, strict=True)
         return join(entries), join(values), join(known) if self.is_partial else None

@@ -28,7 +28,7 @@ EPIPOLAR_PX = 2.5  # from the epipolar line: a match agrees
 MOST_MATCH_NATS = 3.0  # of one match, in nats
 SIDEWAYS_RAD = float(np.radians(8))  # sd of the direction of travel of a robot that does not turn
 BACKWARD_NATS = 3.0
-TURN_STEP_RAD, WAY_STEP_RAD = float(np.radians(2)), float(np.radians(5))  # of the grid
+TURN_STEP_RAD, DIRECTION_STEP_RAD = float(np.radians(2)), float(np.radians(5))  # of the grid
 REFINED_STARTS = 4  # places of the grid that are refined
 ROUNDS_PX = (4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # spread that residuals are taken to have, round by round
 # Of a robot that moved by 0.1 m, 27 % of the matches at most (95 %) are within 2 px of one turn in place.
@@ -201,7 +201,7 @@ def _starts(matched: MatchedPoints) -> list[tuple[float, float]]:
     """Return the best directions and turns of the grid that are apart from each other."""
     widest = sum(float(np.arctan(np.abs(rays[:, 0]).max())) for rays in (matched.before, matched.after))
     turns = np.arange(-widest, widest + TURN_STEP_RAD, TURN_STEP_RAD)
-    directions = np.arange(-np.pi, np.pi, WAY_STEP_RAD)
+    directions = np.arange(-np.pi, np.pi, DIRECTION_STEP_RAD)
     direction, turn = (axis.ravel() for axis in np.meshgrid(directions, turns, indexing="ij"))
     cost = _cost(matched, direction, turn, 4 * matched.pixel)
     starts = list[tuple[float, float]]()
@@ -260,8 +260,8 @@ def rotation_residuals(matched: MatchedPoints) -> tuple[F64, F64, F64]:
         counts = 1 / (1 + (left / rounds) ** 2) ** 2
         u, _, v = np.linalg.svd((after * counts[:, None]).T @ before)
         rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-    there = _rays(before @ rotation.T)
-    return rotation, there, matched.after - there
+    rotated = _rays(before @ rotation.T)
+    return rotation, rotated, matched.after - rotated
 
 
 def tells_tilt(matched: MatchedPoints) -> bool:
@@ -288,9 +288,9 @@ def _turn_in_place(matched: MatchedPoints, agreeing: Bool) -> float | None:
     """
     if agreeing.sum() < FEWEST_AGREEING:
         return None
-    rotation, there, left = rotation_residuals(matched)
+    rotation, rotated, left = rotation_residuals(matched)
     turn = float(np.arcsin(np.clip((rotation[0, 1] - rotation[1, 0]) / 2, -1, 1)))
-    outward = there - [np.tan(-turn / 2), 0]
+    outward = rotated - [np.tan(-turn / 2), 0]
     outward /= np.linalg.norm(outward, axis=1, keepdims=True) + 1e-9
     away = np.median(np.linalg.norm(left, axis=1)[agreeing]) / matched.pixel
     along = np.median((left * outward).sum(axis=1)[agreeing]) / matched.pixel
@@ -323,10 +323,10 @@ def _step_by_floor(matched: MatchedPoints, direction: float, turn: float) -> flo
     left = l1 * far - STEPS_OF_HEIGHT[:, None] * np.sin(direction)
     cos, sin = np.cos(turn), np.sin(turn)
     after, beside = cos * ahead + sin * left, cos * left - sin * ahead
-    there = after > 0.2
-    after = np.where(there, after, 1.0)
+    ahead = after > 0.2
+    after = np.where(ahead, after, 1.0)
     squared = ((beside / after - l2) ** 2 + (-1 / after - u2) ** 2) / (2 * matched.pixel) ** 2
-    agree = np.where(there, np.exp(-squared / 2), 0).sum(axis=1)
+    agree = np.where(ahead, np.exp(-squared / 2), 0).sum(axis=1)
     best = int(agree.argmax())
     clear = agree[best] - np.median(agree) >= CLEAR_MARGIN
     return float(STEPS_OF_HEIGHT[best]) if agree[best] >= FEWEST_ON_FLOOR and clear else 0.0

@@ -40,13 +40,13 @@ class PoseSpread:
 EXACT = PoseSpread()
 LEAST_CLOUD = 50  # poses; fewer are no cloud, and each stands for itself
 MOST_APART = PoseSpread(2.5, 1.2)  # a likelihood that is spread farther tells nothing
-# N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
-OF_SD = 2.5
+# In the middle of a normal cloud of N poses, neighbors are this times N^(-1/3) standard deviations apart.
+NEIGHBOR_SDS = 2.5
 NORMAL_SD = 1.4826  # of a normal distribution, by its median absolute deviation
 WIDE_M = 0.2  # a cloud that searches: some of its poses may be much denser than most
-# of poses 1 apart on average: this share of them is nearer to another than this
-DENSEST, DENSEST_APART = 0.05, 0.23
-MEDIAN_OF = 500  # poses are enough
+# Of poses that are 1 apart on average, this share has a neighbor nearer than this.
+DENSEST_SHARE, DENSEST_SPACING = 0.05, 0.23
+MEDIAN_SAMPLE = 500  # poses are enough for a median
 
 
 def spread_between(poses: F32) -> PoseSpread:
@@ -58,16 +58,16 @@ def spread_between(poses: F32) -> PoseSpread:
     """
     if len(poses) < LEAST_CLOUD:
         return EXACT
-    some = poses[:: max(len(poses) // MEDIAN_OF, 1)].T.copy()
+    some = poses[:: max(len(poses) // MEDIAN_SAMPLE, 1)].T.copy()
     heading = some[2]
     some[2] = wrap(heading - np.arctan2(np.sin(heading).sum(), np.cos(heading).sum()))
-    share = NORMAL_SD * OF_SD / len(poses) ** (1 / 3)
+    share = NORMAL_SD * NEIGHBOR_SDS / len(poses) ** (1 / 3)
     off_x, off_y, turned = _medians(np.abs(some - _medians(some)[:, None])).tolist()
     position_m, heading_rad = share * math.sqrt(off_x * off_y), share * turned
     if position_m > WIDE_M:
         # how much nearer to each other than 1 the densest poses are, e.g. proposed ones
         apart = nearest_apart(poses / np.array([position_m, position_m, heading_rad or 1.0]))
-        near = min(float(np.quantile(apart, DENSEST)) / DENSEST_APART, 1.0)
+        near = min(float(np.quantile(apart, DENSEST_SHARE)) / DENSEST_SPACING, 1.0)
         position_m, heading_rad = position_m * near, heading_rad * near
     return PoseSpread(min(position_m, MOST_APART.position_m), min(heading_rad, MOST_APART.heading_rad))
 
@@ -93,7 +93,7 @@ class PoseProposal:
     poses: F64  # (J, 3) x_m, y_m, heading_rad in the map's frame
     covariances: F64  # (J, 3, 3)
     weights: F64  # (J,) sum to one
-    of_one_thing: Bool | None = None  # (J,) one thing alone speaks for it, that may have been moved
+    from_one_object: Bool | None = None  # (J,) a single object speaks for it, which may have been moved
     believed: float = 0.0  # probability, by earlier readings, that the robot is at one of the places
 
     def only(self, kept: Bool) -> PoseProposal:
@@ -104,7 +104,7 @@ class PoseProposal:
             poses=self.poses[kept],
             covariances=self.covariances[kept],
             weights=weights / weights.sum(),
-            of_one_thing=None,
+            from_one_object=None,
         )
 
 

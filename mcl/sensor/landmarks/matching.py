@@ -63,9 +63,9 @@ def overlapping(poses: F64, yaw_rad: float) -> NDArray[np.intp]:
     for i in range(places):
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - poses[i, :2]).T) < ranges[-1])
         near = near[(np.abs(wrap(headings[near] - headings[i])) < MOST_TURNED_RAD) & (near != i)]
-        way = fan[i] - poses[near, None, :2]
-        bearing = wrap(np.arctan2(way[..., 1], way[..., 0]) - headings[near, None])
-        range_m = np.hypot(way[..., 0], way[..., 1])
+        offset = fan[i] - poses[near, None, :2]
+        bearing = wrap(np.arctan2(offset[..., 1], offset[..., 0]) - headings[near, None])
+        range_m = np.hypot(offset[..., 0], offset[..., 1])
         seen = (np.abs(bearing) < HALF_VIEW_RAD) & (range_m > 0.3 * apart_m) & (range_m < 1.3 * ranges[-1])
         share = seen.mean(axis=1)
         best = np.argsort(-share, kind="stable")[:OVERLAPPING_REFERENCES]
@@ -102,15 +102,15 @@ def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
 
     Returns the numbers of both and their distances.
     """
-    there = product.argmax(axis=1)
-    here = np.flatnonzero(product.argmax(axis=0)[there] == np.arange(len(product)))
-    there, rows = there[here], product[here]
-    line = np.arange(len(here))
-    near = np.sqrt(np.maximum(2 - 2 * rows[line, there], 0))
-    rows[line, there] = -1
+    other = product.argmax(axis=1)
+    one = np.flatnonzero(product.argmax(axis=0)[other] == np.arange(len(product)))
+    other, rows = other[one], product[one]
+    line = np.arange(len(one))
+    near = np.sqrt(np.maximum(2 - 2 * rows[line, other], 0))
+    rows[line, other] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
     kept = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
-    return here[kept], there[kept], near[kept].astype(np.float32)
+    return one[kept], other[kept], near[kept].astype(np.float32)
 
 
 def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], ends: Ends) -> F64:
@@ -124,12 +124,12 @@ def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], end
         angle.append(a + poses[end, 2])
         slope.append(s)
     first, second = poses[ends[0], :2], poses[ends[1], :2]
-    way = second - first
+    baseline = second - first
     across = np.sin(angle[1] - angle[0])
     safe = np.where(np.abs(across) < 1e-9, 1e-9, across)
     for other in (1, 0):
         c, s = np.cos(angle[other]), np.sin(angle[other])
-        range_m.append((way[:, 0] * s - way[:, 1] * c) / safe)
+        range_m.append((baseline[:, 0] * s - baseline[:, 1] * c) / safe)
     apart_m = np.abs(range_m[0] * slope[0] - range_m[1] * slope[1])
     low, high = np.minimum(*range_m), np.maximum(*range_m)
     nowhere = (low < NEAREST_M) | (high > FARTHEST_M) | (np.abs(across) < np.sin(LEAST_PARALLAX_RAD))

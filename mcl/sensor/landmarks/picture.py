@@ -40,8 +40,8 @@ class Judged:
     def errors_at(self, pose: F64) -> tuple[F32, F32]:
         """Return where matched landmarks fall for a pose (3,): pixels (K, 2), and how far off (K,)."""
         points = (self.landmarks.points[self.matched] - [pose[0], pose[1], 0.0]).astype(np.float32)
-        there, _ = project(self.landmarks.fit.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), points)
-        fallen = np.ascontiguousarray(there[:, 0].T)
+        projected, _ = project(self.landmarks.fit.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), points)
+        fallen = np.ascontiguousarray(projected[:, 0].T)
         return fallen, np.hypot(*(fallen - self.pixels).T).astype(np.float32)
 
     def shown(self, poses: Mapping[str, F64]) -> Shown:
@@ -53,8 +53,8 @@ class Judged:
         lines = np.stack([self.pixels[near], fallen[near]], axis=1)
         marks = [ShownMarks("to where the estimate has them", PICTURE, lines, agrees[near])]
         if "truth" in poses:
-            there, away = self.errors_at(poses["truth"])
-            true = there[(away < FARTHEST_PX) & self._inside(there)][:, None, :]
+            true, away = self.errors_at(poses["truth"])
+            true = true[(away < FARTHEST_PX) & self._inside(true)][:, None, :]
             marks.append(ShownMarks("where the truth has them", PICTURE, true, of="truth"))
         marks.append(ShownMarks("matched keypoints", PICTURE, self.pixels[:, None, :], agrees))
         places = self.landmarks.points[self.matched][:, None]
@@ -89,8 +89,8 @@ class Judged:
             return None
         of_match = match[view_of[views, 1]]
         number = int(np.bincount(view_of[views, 0], 1e-3 + agrees[of_match]).argmax())
-        there = view_of[views, 0] == number
-        views, of_match = views[there], of_match[there]
+        same = view_of[views, 0] == number
+        views, of_match = views[same], of_match[same]
         order = np.argsort(~agrees[of_match], kind="stable")[:MOST_LINES]
         views, of_match = views[order], of_match[order]
         beside = Beside(self.image, number)
@@ -131,7 +131,7 @@ class Judged:
         if self.proposal is None:
             return f"{words} By themselves they do not tell where the robot is.", ()
         number = int(self.proposal.weights.argmax())
-        best, alone = self.proposal.poses[number], self.proposal.of_one_thing
+        best, alone = self.proposal.poses[number], self.proposal.from_one_object
         turned = abs(float(np.degrees(np.angle(np.exp(1j * (best[2] - estimate[2]))))))
         distance_m = float(np.hypot(*(best[:2] - estimate[:2])))
         others = len(self.proposal.poses) - 1

@@ -35,8 +35,8 @@ def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
     mean = np.zeros((count, descriptors.shape[1]), np.float32)
     np.add.at(mean, views.point, descriptors)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)
-    way = bundle.poses[views.reference, :2] - bundle.points[views.point, :2]
-    angle, range_m = np.arctan2(way[:, 1], way[:, 0]), np.hypot(way[:, 0], way[:, 1])
+    sight = bundle.poses[views.reference, :2] - bundle.points[views.point, :2]
+    angle, range_m = np.arctan2(sight[:, 1], sight[:, 0]), np.hypot(sight[:, 0], sight[:, 1])
     cos, sin = (np.bincount(views.point, f(angle), count) for f in (np.cos, np.sin))
     facing = np.arctan2(sin, cos)
     spread, near, far = np.zeros(count), np.full(count, np.inf), np.zeros(count)

@@ -36,7 +36,7 @@ INDEPENDENT_MATCHES = 4.0  # right ones that count in full: more share their err
 LEAST_MATCHES = 4
 LEAST_SCORE_NATS = 20.0  # nats of a proposal above no agreement at all
 LEAST_INLIERS = 3.5  # right matches of a proposal: two agree by construction
-LEAST_MATCHES_BESIDES = 2.0  # of them that are not on one thing alone: it may have been moved
+LEAST_MATCHES_BESIDES = 2.0  # right ones on anything but the one object with the most, which may have moved
 COMPETING_NATS = 6.0  # nats below the best that another proposal may be
 
 
@@ -57,18 +57,10 @@ class Landmarks:
 
     map: LandmarkSet
     obstacles: tuple[Region, ...] = ()  # of the map: things that can be moved
+    name: ClassVar[str] = "landmarks"  # the key of `sensor.weights`
+    pictures: ClassVar[tuple[str, ...]] = (PICTURE, BESIDE)  # titles of those that it shows
     proposes: ClassVar[bool] = True
     in_space: ClassVar[bool] = True  # it shows marks in space
-
-    @property
-    def name(self) -> str:
-        """The key of `sensor.weights`."""
-        return "landmarks"
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """The titles of the pictures it shows."""
-        return PICTURE, BESIDE
 
     @property
     def summary(self) -> str:
@@ -178,9 +170,11 @@ class Landmarks:
     def propose(self, reading: LandmarkReading) -> PoseProposal | None:
         """Return where the matches alone put the robot; None where they agree on nothing.
 
-        Poses that one thing alone speaks for are marked: if that thing was moved, the robot was not.
+        Poses that a single object speaks for are marked: it may be the object that moved, not the robot.
         """
-        modes = [mode for mode in reading.modes if _convinces(mode)]
+        modes = [
+            mode for mode in reading.modes if mode.score > LEAST_SCORE_NATS and mode.inliers > LEAST_INLIERS
+        ]
         modes = [mode for mode in modes if mode.score > modes[0].score - COMPETING_NATS]
         if not modes:
             return None
@@ -209,8 +203,8 @@ class Landmarks:
         """Return the same for a proposal that is known: finding it takes most of the time."""
         places = np.stack([*poses.values()])
         origin = places[0, :2].copy()
-        there = (places - [*origin, 0.0]).astype(np.float32)
-        nats = dict(zip(poses, self.log_likelihood(reading, there, origin).tolist(), strict=True))
+        relative = (places - [*origin, 0.0]).astype(np.float32)
+        nats = dict(zip(poses, self.log_likelihood(reading, relative, origin).tolist(), strict=True))
         matches = reading.pixels, reading.landmark, reading.inlier
         things = self._thing[reading.landmark], [obstacle.name for obstacle in self.obstacles]
         return Judged(self.map, reading.image, *matches, nats, proposal, *things).shown(poses)
@@ -259,7 +253,3 @@ class Landmarks:
     @property
     def _area_px(self) -> float:
         return float(self.map.fit.camera.width_px * self.map.fit.camera.height_px)
-
-
-def _convinces(mode: Mode) -> bool:
-    return mode.score > LEAST_SCORE_NATS and mode.inliers > LEAST_INLIERS

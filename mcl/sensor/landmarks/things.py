@@ -90,8 +90,8 @@ def _fits(camera: PinholeCamera, points: F64, pixels: F32, pose: F64) -> Bool:
     """Tell for each shift and match whether the landmark, shifted, is where the keypoint is: (S, K)."""
     # the robot moved the other way sees the same
     poses = np.column_stack([-SHIFTS, np.full(len(SHIFTS), pose[2])]).astype(np.float32)
-    there, _ = project(camera, poses, (points - [pose[0], pose[1], 0.0]).astype(np.float32))
-    off = there - pixels.T[:, None, :]
+    projected, _ = project(camera, poses, (points - [pose[0], pose[1], 0.0]).astype(np.float32))
+    off = projected - pixels.T[:, None, :]
     return np.asarray(off[0] ** 2 + off[1] ** 2 < TOLERANCE_PX**2)
 
 

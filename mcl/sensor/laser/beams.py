@@ -15,8 +15,8 @@ from .reading import LaserReading
 AGREES, SHORT, BEYOND, UNMAPPED, MISS = range(5)
 JUDGMENTS = ("agrees", "short", "beyond", "unknown", "miss")  # by these numbers
 AGREES_M = 0.2  # a beam that ends nearer to something on the map agrees with it
-SHORT_WORTH = 0.5  # of a beam that ends behind a wall: people end beams early, and none late
-LEAST_MAPPED = 0.5  # share of the beams that hit something: where most end in unknown space, none tells
+SHORT_WORTH = 0.5  # a short beam counts half as much as one beyond a wall: people end beams early, none late
+LEAST_MAPPED = 0.5  # of the beams that hit something: where most end in unknown space, they tell nothing
 WORTH_SAYING = 0.05  # share of the beams
 SAID: Mapping[str, str] = {
     "short": "end {} before the wall: something stands there",
@@ -76,21 +76,21 @@ class BeamJudgment:
         return words if fits else f"{words} The robot is elsewhere, or much has changed.", tuple(lengths)
 
 
-def judge(there: LaserMap, rays: Rays, reading: LaserReading, pose: F64) -> BeamJudgment:
+def judge(map_: LaserMap, rays: Rays, reading: LaserReading, pose: F64) -> BeamJudgment:
     """Judge all beams of a reading at a pose (3,) in the map's frame."""
     laser = compose(pose, reading.scan.mount)
     angles = reading.angles_rad - reading.scan.mount[2]
     expected = rays.cast(laser[None], angles, reading.max_m)[0]
     along = np.stack([np.cos(laser[2] + angles), np.sin(laser[2] + angles)], axis=1)
     ends, expected_ends = (laser[:2] + reach[:, None] * along for reach in (reading.ranges_m, expected))
-    states = there.occupancy.states_at(ends)
+    states = map_.occupancy.states_at(ends)
     judged = np.full(reading.size, SHORT, np.uint8)
     judged[states == UNKNOWN] = UNMAPPED
     judged[reading.ranges_m > expected + AGREES_M] = BEYOND
-    judged[(there.distances.at(ends) < AGREES_M) | (states == OCCUPIED)] = AGREES
+    judged[(map_.distances.at(ends) < AGREES_M) | (states == OCCUPIED)] = AGREES
     judged[~reading.hits] = MISS
     nats = np.zeros(reading.size, np.float32)
-    nats[reading.hits] = nats_of_beams(there, reading, ends[reading.hits])
+    nats[reading.hits] = nats_of_beams(map_, reading, ends[reading.hits])
     return BeamJudgment(judged, reading.ranges_m, expected, nats, ends, expected_ends)
 
 

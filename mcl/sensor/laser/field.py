@@ -19,9 +19,9 @@ from ...values import F32, F64, U8, Bool, OccupancyMap
 
 BLOCK_POSES = 1000  # whose lookups stay in the cache
 MOST_CELLS = 32_000  # along an axis: `cv2.remap` numbers cells by 16 bits
-MOST_CELLS_APART = 1000  # cells between two of a map that are told; the square of more is no exact float32
+MOST_CELLS_APART = 1000  # distances are cut there: the square of more is no exact float32
 FINE_CELLS = 4_000_000  # a map with more has its field in bytes: the lookups are bound by memory
-LEVELS = 255
+BYTE_LEVELS = 255
 
 
 def cell_distances(blocked: Bool) -> F32:
@@ -86,13 +86,13 @@ class Field:
 
     @classmethod
     def of(cls, worth: Sequence[Worth], outside: float, occupancy: OccupancyMap) -> Field:
-        """Keep the largest worth of each cell: as it is, or on large maps in `LEVELS` steps."""
+        """Keep the largest worth of each cell: as it is, or on large maps in `BYTE_LEVELS` steps."""
         cell_m, corner = occupancy.cell_m, occupancy.corner
         if occupancy.cells.size <= FINE_CELLS:
             return cls(largest(worth), 0.0, 1.0, outside, cell_m, corner)
         low = min(max(float(nats.min()) for _, nats in worth), outside)
         high = max(*(float(nats.max()) for _, nats in worth), outside)
-        step = max(high - low, 1e-9) / LEVELS
+        step = max(high - low, 1e-9) / BYTE_LEVELS
         levels = [
             (apart, np.rint((nats - np.float32(low)) / np.float32(step)).clip(0).astype(np.uint8))
             for apart, nats in worth

@@ -13,18 +13,18 @@ from .models import calibrated, laser_map
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
-EVENLY = LaserParameters(model="likelihood_field_prob")  # chooses beams evenly, also those that hit nothing
-OFF_NATS = float(-np.log(0.1))  # that a beam costs which disagrees altogether
+EVEN = LaserParameters(model="likelihood_field_prob")  # beams chosen evenly, also those that hit nothing
+MISFIT_NATS = float(-np.log(0.1))  # the cost of a beam that disagrees altogether
 OFF_SHARE = 0.2  # of the beams disagree: the scan does not fit
-NOTED_SHARE = 0.08  # from which on it is looked at closer: 0.4 of the beams end in unknown space
+NOTED_SHARE = 0.08  # with fewer a scan is not examined: with 0.4 of the beams in unknown space it is 0.09
 TYPICAL_PLACES = 64
-BETWEEN = 8  # poses between two
+POSES_BETWEEN = 8  # the estimate and the truth, that are tried
 SEEN_SHARE = 0.8  # of the reach: a wall nearer than that should have been hit
 YAWS = np.radians(np.arange(-180, 180, 5.0))
 MOUNTS_M = np.stack(np.meshgrid(*[np.arange(-5, 6) * 0.1] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-MOST_MOUNTED = 60  # scans
+MOST_MOUNT_SCANS = 60  # scans
 
-Own = Callable[[F64], F32]
+OwnModel = Callable[[F64], F32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +53,9 @@ class ScanFit:
     """One scan at the true pose, beside the estimate. Nats are of the calibrated model, unless it says so."""
 
     off: float  # share of the beams that disagree with the map at the truth, by their nats
-    ahead: float = 0.0  # nats by which the truth is before the estimate; 0, as all below, where all is well
+    ahead: float = 0.0  # nats of the truth over the estimate; 0, as all below, where all is well
     own_ahead: float = 0.0  # the same by the run's own model of the laser
-    own_says: float = 0.0  # nats by which the run's own model puts the truth before a typical place
+    own_over_typical: float = 0.0  # nats of the truth over a typical place, by the run's own model
     skill: float = 1.0  # of the nats that a typical place lacks, the share that the truth has; by chance 0
     between: float = 0.0  # nats by which the worst pose from estimate to truth is behind the truth
     apart_m: float = 0.0  # from estimate to truth; 0: the estimate was not looked at
@@ -77,7 +77,7 @@ class ScanFits:
 
     occupancy: OccupancyMap
     places: F64  # (L, 3) typical poses
-    has_filter: bool = False  # which reads the scans: one that it reads nothing of says nothing
+    has_filter: bool = False  # a filter reads the scans: one that it cannot read is not compared
     max_range_m: float = -1.0  # the filter's laser_max_range; -1: that of the scans
     _yaws: F64 = field(default_factory=lambda: np.zeros((2, len(YAWS))))
     _placed: F64 = field(default_factory=lambda: np.zeros(len(MOUNTS_M)))
@@ -90,7 +90,7 @@ class ScanFits:
 
     def read(self, scan: LaserScan) -> LaserReading | None:
         """Return evenly chosen beams, also those that hit nothing; None where too few hit something."""
-        return read_scan(scan, EVENLY)
+        return read_scan(scan, EVEN)
 
     def lay(self, scan: LaserScan, laser: Sensed | None, pose: F64, estimate: F64, is_off: bool) -> ScanFit:
         """Say how a scan, and what the run's `laser` read in it, fits a pose (3,): see `fit`."""
@@ -125,29 +125,29 @@ class ScanFits:
         origin = poses[0, :2].copy()
         return calibrated(self._map, reading, (poses - [*origin, 0]).astype(np.float32), origin, 0.0)
 
-    def fit(self, reading: LaserReading, truth: F64, estimate: F64, own: Own, is_off: bool) -> ScanFit:
+    def fit(self, reading: LaserReading, truth: F64, estimate: F64, own: OwnModel, is_off: bool) -> ScanFit:
         """Say how a scan fits the truth (3,), and if it does not, or the estimate is off, what does.
 
         `own` returns the nats (N,) of poses (N, 3) by the run's own model.
         """
-        most = -OFF_NATS * float(reading.hits.sum())
+        most = -MISFIT_NATS * float(reading.hits.sum())
         off = float(self.nats(reading, truth[None])[0]) / most
         if off < NOTED_SHARE and not is_off:
             return ScanFit(off)
-        between = np.linspace(truth, estimate, BETWEEN + 2)[1:-1]
+        between = np.linspace(truth, estimate, POSES_BETWEEN + 2)[1:-1]
         between[:, 2] = truth[2]
         poses = np.concatenate([truth[None], estimate[None], between, self._typical])
         nats, own_nats = self.nats(reading, poses).astype(np.float64), own(poses).astype(np.float64)
-        lacks = nats[0] - float(np.median(nats[2 + BETWEEN :]))
+        lacks = nats[0] - float(np.median(nats[2 + POSES_BETWEEN :]))
         if off >= OFF_SHARE:
             self._mount(reading, truth)
         fit = ScanFit(
             off=off,
             ahead=float(nats[0] - nats[1]),
             own_ahead=float(own_nats[0] - own_nats[1]),
-            own_says=float(own_nats[0] - np.median(own_nats[2 + BETWEEN :])),
+            own_over_typical=float(own_nats[0] - np.median(own_nats[2 + POSES_BETWEEN :])),
             skill=float(lacks / max(lacks - nats[0], 1e-9)),
-            between=float(nats[0] - nats[2 : 2 + BETWEEN].min()),
+            between=float(nats[0] - nats[2 : 2 + POSES_BETWEEN].min()),
             apart_m=float(np.hypot(*(truth - estimate)[:2])),
             rival=(float(estimate[0]), float(estimate[1])),
             mounting=Mounting.of(self._yaws / self._mounted, self._placed / self._mounted)
@@ -168,7 +168,7 @@ class ScanFits:
 
     def _mount(self, reading: LaserReading, truth: F64) -> None:
         """Try the laser turned, and mirrored, at a true pose."""
-        if self._mounted < MOST_MOUNTED:
+        if self._mounted < MOST_MOUNT_SCANS:
             self._mounted += 1
             self._yaws += self.turned(reading, truth)
             self._placed += self.placed(reading, truth)

@@ -1,4 +1,4 @@
-"""Whether earlier scans fit a place, too: a single scan of a corridor fits many places."""
+"""Whether earlier scans fit a place, too: a single scan of a corridor fits many of them."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from ...values import (
 from .models import INDEPENDENT_BEAMS, SIGMA_M, UNKNOWN_NATS, LaserMap
 
 # Chosen on three CARMEN logs (aces, intel, freiburg-079) with maps of their halves, tried on maps of thirds.
-LEAST_NATS = 10.0  # by which the scans together speak for the place rather than for unknown space
-MOST_AGAINST = -5.0  # nats of one scan: it may show what the map does not have
-SURE_SHARE = 0.97  # of all mass: a place that others nearly equal may be none of them
+LEAST_NATS = 10.0  # of all scans together for a place, over what unknown space would give them
+LEAST_SCAN_NATS = -5.0  # one scan lowers a place no further: it may show what the map does not have
+SURE_SHARE = 0.97  # of all mass: where several places share it, the robot may be at another one, too
 SAME_PLACE_M = 1.0
-DRIFT_M = 3.0  # from where the filter thinks to be: so far it may have drifted where the map says nothing
-AHEAD_NATS = 10.0  # of where the filter thinks to be: a place after being carried; twice as much one nearby
-RIVAL_NATS = 20.0  # behind the best of them: as possible as that
-BELIEVED = 0.1  # probability of the places that agree: most are right, and the scan at hand decides
-HERE = np.diag([0.3**2, 0.3**2, 0.1**2])  # covariance of where the filter thinks to be
+DRIFT_M = 3.0  # of an estimate at most, where the map says nothing
+AHEAD_NATS = 10.0  # over the estimate, for a place to which the robot was carried; twice that for one nearby
+RIVAL_NATS = 20.0  # a place less far behind the best one is possible, too
+BELIEVED = 0.1  # probability of the places that agree: enough for the scan at hand to decide
+ESTIMATE_COVARIANCE = np.diag([0.3**2, 0.3**2, 0.1**2])  # of a pose, m^2 and rad^2
 # What it costs to have been carried between two scans that do not fit each other, and between two that fit
 # well, in nats a point. Of scans in a row 99 of 100 fit by -1.0 or better, of those of other places 6 of 100.
 CARRIED_COST, FITTING_COST = 5.0, 250.0
 SCANS_WORTH = 0.5  # of a scan's nats: scans of one wall share their errors
-CELL_M = 0.3  # of points: a later scan that hits the same says nothing new
-SAMPLES = 100  # of each place
+CELL_M = 0.3  # side of the cells in which points count once: hit again they say nothing new
+SAMPLES = 100  # particles of each place
 # standard deviations of a movement in m and rad: at least, per meter of it, and of a heading per radian
-LEAST, PER_M, PER_RAD = 0.02, 0.05, 0.1
+LEAST_SD, SD_PER_M, SD_PER_RAD = 0.02, 0.05, 0.1
 
 
-def agreeing(there: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> Bool:
+def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> Bool:
     """Return at which places (J,) of a proposal the robot may be, by scans: this one, then earlier ones.
 
-    They are compared with `here` (3,), where the filter thinks to be, and with each other. A place is either
-    where the robot was all along, against what speaks for the estimates before these scans; or where it was
-    carried between two of the scans, which costs the more the better they fit each other. To a place nearby
-    it may have drifted.
+    Places are compared with the estimate `here` (3,) and with each other. Either the robot was at a place all
+    along, against the trust in the estimates before these scans; or it was carried there between two of the
+    scans, which costs the more the better these two fit each other. To a place nearby the filter may have
+    drifted.
     """
     poses = np.vstack([proposal.poses, here])
-    totals = _nats(there, poses, np.concatenate([proposal.covariances, HERE[None]]), scans)
+    totals = _nats(map_, poses, np.concatenate([proposal.covariances, ESTIMATE_COVARIANCE[None]]), scans)
     x, y = poses[:, :2].T
     apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
     near, trust = apart_m[-1] < DRIFT_M, scans[-1].trust
@@ -62,8 +62,8 @@ def agreeing(there: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence
     options = np.column_stack([carried, stayed])
     which, nats = options.argmax(axis=1), options.max(axis=1)
     ahead, places = nats - nats[-1], np.arange(len(poses))
-    torn = np.append(links <= LINKED_NATS, False)[which]
-    possible = torn & (nats > nats.max() - RIVAL_NATS) & (ahead > AHEAD_NATS)
+    unlinked = np.append(links <= LINKED_NATS, False)[which]
+    possible = unlinked & (nats > nats.max() - RIVAL_NATS) & (ahead > AHEAD_NATS)
     fits = (totals[places, which] > LEAST_NATS) | near & (ahead > 2 * AHEAD_NATS)
     return np.asarray((fits & (_sure(nats, apart_m) | possible))[:-1])
 
@@ -80,7 +80,7 @@ def _sure(nats: F64, apart_m: F64) -> Bool:
     return np.asarray((apart_m < SAME_PLACE_M) @ share > SURE_SHARE * share.sum())
 
 
-def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier]) -> F64:
+def _nats(map_: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier]) -> F64:
     """Return the nats (J, S) by which the first one to S scans speak for poses (J, 3), not for unknown space.
 
     A particle filter runs backward from each place: where the robot was is as uncertain as its odometry.
@@ -90,7 +90,7 @@ def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier
     spread = np.linalg.cholesky(covariances + 1e-6 * np.eye(3))
     drawn = np.einsum("jab,jsb->jsa", spread, rng.standard_normal((count, SAMPLES, 3)))
     poses, total = poses[:, None] + drawn, np.zeros((count, len(scans)))
-    middles, field = (np.arange(SAMPLES) + 0.5) / SAMPLES, there.field("lasting", SIGMA_M)
+    middles, field = (np.arange(SAMPLES) + 0.5) / SAMPLES, map_.field("lasting", SIGMA_M)
     back, hit = np.zeros(3), np.zeros(0, np.int64)
     for number, before in enumerate(scans):
         poses = _back(poses, before.motions, rng)
@@ -108,7 +108,7 @@ def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier
         local: F32 = (flat - [*origin, 0.0]).astype(np.float32)
         nats = field.sums(ends, local, origin) - np.float32(UNKNOWN_NATS * len(ends))
         nats *= np.float32(min(1.0, INDEPENDENT_BEAMS / len(cells)))
-        weights = np.exp(np.maximum(nats.astype(np.float64), MOST_AGAINST)).reshape(count, SAMPLES)
+        weights = np.exp(np.maximum(nats.astype(np.float64), LEAST_SCAN_NATS)).reshape(count, SAMPLES)
         total[:, number] = np.log(weights.mean(axis=1))
         shares = weights.cumsum(axis=1) / weights.sum(axis=1, keepdims=True)
         parents = np.minimum((shares[:, None] < middles[:, None]).sum(axis=2), SAMPLES - 1)
@@ -126,7 +126,8 @@ def _cells(ends: F64, pose: F64) -> I64:
 def _back(poses: F64, motions: F64, rng: np.random.Generator) -> F64:
     """Return poses (J, S, 3) before movements (M, 3), each with noise."""
     for motion in motions[::-1]:
-        sd = LEAST + PER_M * float(np.hypot(*motion[:2])) + PER_RAD * np.array([0, 0, abs(motion[2])])
+        turned = np.array([0, 0, abs(motion[2])])
+        sd = LEAST_SD + SD_PER_M * float(np.hypot(*motion[:2])) + SD_PER_RAD * turned
         moved = motion + sd * rng.standard_normal(poses.shape)
         heading = poses[..., 2] - moved[..., 2]
         x, y = rotated(moved[..., 0], moved[..., 1], heading)

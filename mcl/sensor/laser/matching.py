@@ -28,23 +28,23 @@ MOST_POINTS = 60  # of a scan that are compared, evenly chosen
 REACH_M = 25.0  # points farther off are left out: the field's margin is as wide
 MOST_CELLS = 2**22  # of the field; finer maps are coarsened
 MOST_PADDED = 6 * 2**22  # with its margin, which takes more cells the finer they are
-LEAF_M, TURNS = 0.1, 384  # side of the smallest boxes, and into how many headings they divide a turn
-LEVELS = 3  # of boxes above the smallest, each with twice their side and turn; more on large maps
+LEAF_M, HEADINGS = 0.1, 384  # side of the smallest boxes, and how many headings they have
+LEVELS_ABOVE = 3  # the smallest boxes, each with twice the side and turn; more on large maps
 MOST_ROOTS = 120_000  # boxes of the coarsest level
-KEPT = (1000, 2000, 4000, 8000)  # boxes of the smallest but one level and those above that are divided
+KEPT_BOXES = (1000, 2000, 4000, 8000)  # boxes of the smallest but one level and those above that are divided
 POOLED_SHARE = 0.5  # of a box, around its middle
 BLOCK_BOXES = 1024
-POOLED, POWERS = 4, 8  # cells around each of a pooled layer; layers, each with cells twice as wide
-FAR_M = 1.0  # from what is occupied: farther makes no difference
+POOLED_CELLS, LAYERS = 4, 8  # cells around each one in a pooled layer; layers, each with cells twice as wide
+FAR_M = 1.0  # from what is occupied: beams that end farther off are worth the same
 
 MOST_MATCHES = 1000  # of the best poses, whose beams are followed through the map
 THROUGH_M = 0.4  # a beam that the map would have ended by so much earlier went through a wall
-THROUGH_NATS = -1.0
+THROUGH_NATS = -1.0  # of such a beam
 WINDOW_NATS = 8.0  # poses so far below the best one count nothing
 MOST_MODES = 20
 # of a scan's errors: fitted so that covariances and weights hold on four logs, with maps of other scans too
 INDEPENDENT_BEAMS = 30.0
-APART_M, APART_RAD = 0.6, float(np.radians(12))  # what is nearer to a mode's best pose is part of it
+MODE_M, MODE_RAD = 0.6, float(np.radians(12))  # poses nearer to a mode's best one are part of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,7 @@ class Matches:
             best = poses[np.argmax(left)]
             away = poses - best
             away[:, 2] = wrap_angle(away[:, 2])
-            part = left & (np.hypot(away[:, 0], away[:, 1]) < APART_M) & (np.abs(away[:, 2]) < APART_RAD)
+            part = left & (np.hypot(away[:, 0], away[:, 1]) < MODE_M) & (np.abs(away[:, 2]) < MODE_RAD)
             share = mass[part] / mass[part].sum()
             mean = share @ away[part]
             off = away[part] - mean
@@ -118,7 +118,7 @@ class Matcher:
         boxes, level = self._roots()
         while level:
             rating = self._rated(boxes, points, level)
-            most = KEPT[min(level, len(KEPT)) - 1]
+            most = KEPT_BOXES[min(level, len(KEPT_BOXES)) - 1]
             if len(rating) > most:
                 order = np.argpartition(-rating, most)
                 boxes = boxes[:, order[:most]]
@@ -128,7 +128,7 @@ class Matcher:
         best = np.argsort(-nats, kind="stable")[:MOST_MATCHES]
         rows, columns, turns = boxes[:, best]
         x_m, y_m = self.occupancy.corner[:, None] + (np.stack([columns, rows]) + 0.5) * self._leaf_m
-        turn_rad = 2 * np.pi / TURNS
+        turn_rad = 2 * np.pi / HEADINGS
         poses = np.column_stack([x_m, y_m, wrap_angle((turns + 0.5) * turn_rad)])
         through = self._through(poses, points, np.zeros(3) if mount is None else mount)
         total = (nats[best] + THROUGH_NATS * through) * independent
@@ -140,12 +140,12 @@ class Matcher:
 
     def _roots(self) -> tuple[I64, int]:
         """Return the boxes to begin with, and their level."""
-        level = LEVELS
-        while self._free(level).sum() * _turns(level) > MOST_ROOTS:
+        level = LEVELS_ABOVE
+        while self._free(level).sum() * _headings(level) > MOST_ROOTS:
             level += 1
         rows, columns = np.nonzero(self._free(level))
-        turns = np.repeat(np.arange(_turns(level)), len(rows))
-        return np.stack([np.tile(rows, _turns(level)), np.tile(columns, _turns(level)), turns]), level
+        turns = np.repeat(np.arange(_headings(level)), len(rows))
+        return np.stack([np.tile(rows, _headings(level)), np.tile(columns, _headings(level)), turns]), level
 
     def _divided(self, boxes: I64, level: int) -> I64:
         """Return the parts of boxes that are now at `level` in which a robot can be."""
@@ -159,13 +159,13 @@ class Matcher:
 
     def _rated(self, boxes: I64, points: F64, level: int) -> F32:
         """Return the nats of boxes (3, N): of their middles at level 0, else the most near them."""
-        side_m, turn_rad = self._leaf_m * 2**level, 2 * np.pi / _turns(level)
+        side_m, turn_rad = self._leaf_m * 2**level, 2 * np.pi / _headings(level)
         away_m = POOLED_SHARE / 2 * (side_m + np.hypot(*points.T) * turn_rad)
         reaches = [layer.reach_m - layer.cell_m for layer in self._layers[1:-1]]  # less what is rounded
         which = 1 + np.searchsorted(reaches, away_m) if level else np.zeros(len(points), np.int64)
         order = np.argsort(boxes[2], kind="stable")
         rows, columns, turns = boxes[:, order]
-        headings = (np.arange(_turns(level)) + 0.5) * turn_rad
+        headings = (np.arange(_headings(level)) + 0.5) * turn_rad
         cos, sin = np.cos(headings)[:, None], np.sin(headings)[:, None]
         total = np.zeros(len(order), np.float32)
         for number in np.unique(which):
@@ -242,7 +242,8 @@ class Matcher:
         grid = OccupancyMap(cells, self._cell_m, self.occupancy.corner)
         walls, edges = (Distances.to(cells, self._cell_m, FAR_M) for cells in (grid.occupied, grid.unknown))
         worth = largest(worth_of(walls, edges, SIGMA_M))
-        return [self._layer(worth, 1, 0), *(self._layer(worth, 2**power, POOLED) for power in range(POWERS))]
+        pooled = (self._layer(worth, 2**power, POOLED_CELLS) for power in range(LAYERS))
+        return [self._layer(worth, 1, 0), *pooled]
 
     def _layer(self, worth: F32, stride: int, pooled: int) -> _Layer:
         """Pool the field over blocks of `stride` cells, and `pooled` blocks around each."""
@@ -255,8 +256,8 @@ class Matcher:
         return _Layer(padded.ravel(), padded.shape[1], margin, cell_m, (pooled + 0.5) * cell_m)
 
 
-def _turns(level: int) -> int:
-    return TURNS >> level
+def _headings(level: int) -> int:
+    return HEADINGS >> level
 
 
 def _any(cells: Bool, side: int) -> Bool:

@@ -21,7 +21,7 @@ from .reading import LaserReading
 # average 0.7 to 1.1 times what the likelihood says.
 SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
-LASTING_OUTLIER = 0.25  # the same where many scans are asked: what is not on the map, many of them see
+LASTING_OUTLIER = 0.25  # the same where many scans are asked: many of them see what the map lacks
 SCAN_OUTLIER_NATS = 24.0  # a pose costs no more: a scan may show what the map does not have
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
 INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them count no more than these
@@ -122,14 +122,14 @@ def worth_of(walls: Distances, edges: Distances, sd_m: float, outlier: float = O
 
     A beam that ends in a free cell beside unknown ones may be a wall's that was seen only from far away.
     """
-    unknown = (math.exp(UNKNOWN_NATS) - outlier) / (1 - outlier)  # as near to a wall that is as if
+    unknown = (math.exp(UNKNOWN_NATS) - outlier) / (1 - outlier)  # a cell as near to unknown ones
     near = (walls, _near(walls.meters, sd_m)), (edges, unknown * _near(edges.meters, sd_m))
     return [(apart, np.log(like * (1 - outlier) + outlier)) for apart, like in near]
 
 
-def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+def calibrated(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return nats (N,) that are worth what they say; unknown space is neutral."""
-    lookup = there.field("calibrated", _widened(SIGMA_M, spread_m))
+    lookup = map_.field("calibrated", _widened(SIGMA_M, spread_m))
     return lookup.sums(reading.ends, poses, origin) * _share(reading)
 
 
@@ -138,14 +138,14 @@ def in_unknown_space(reading: LaserReading) -> np.float32:
     return np.float32(UNKNOWN_NATS * len(reading.ends)) * _share(reading)
 
 
-def bounded(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+def bounded(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return the nats (N,) of `calibrated` as a filter takes them: no single scan rules a pose out."""
-    likelihood = np.exp(calibrated(there, reading, poses, origin, spread_m))
+    likelihood = np.exp(calibrated(map_, reading, poses, origin, spread_m))
     likelihood += np.float32(math.exp(-SCAN_OUTLIER_NATS))
     return np.log(likelihood, out=likelihood)  # `np.logaddexp`, five times as fast
 
 
-def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool | None:
+def explained(map_: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool | None:
     """Return whether a cloud (N, 3) is where the scan may be from; weights are (N,).
 
     None where the map cannot tell: the cloud is together where most beams end in unknown space, and they do
@@ -153,14 +153,14 @@ def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, 
     """
     stride = -(-len(poses) // SAMPLED)
     poses, weights = poses[::stride], weights[::stride]
-    fields, beams = (there.field("calibrated", SIGMA_M), there.unknown), len(reading.ends)
+    fields, beams = (map_.field("calibrated", SIGMA_M), map_.unknown), len(reading.ends)
     total, unknown = sums_of(fields, reading.ends, poses, origin)
     weights = weights / weights.sum()
     off = poses[:, :2] - weights @ poses[:, :2]
     together = float(weights @ np.square(off).sum(axis=1)) < TOGETHER_M**2
     if together and float(weights @ unknown) > (1 - LEAST_KNOWN) * beams:
         pose = (poses[weights.argmax()] + [*origin, 0.0]).astype(np.float64)
-        return None if float(there.through_walls(reading, pose).sum()) < MOST_THROUGH * beams else False
+        return None if float(map_.through_walls(reading, pose).sum()) < MOST_THROUGH * beams else False
     worth = _worth_known(total, unknown, beams)
     best = np.argsort(-worth)
     share = np.cumsum(weights[best])
@@ -174,56 +174,56 @@ def _worth_known(total: F32, unknown: F32, beams: int) -> F32:
     return np.asarray(worth, np.float32)
 
 
-def fitting(there: LaserMap, reading: LaserReading, poses: F64) -> Bool:
+def fitting(map_: LaserMap, reading: LaserReading, poses: F64) -> Bool:
     """Return at which poses (N, 3) in the map's frame the scan fits so well that the robot may be there."""
-    return np.asarray(worth_at(there, reading, poses) > FITS_NATS)
+    return np.asarray(worth_at(map_, reading, poses) > FITS_NATS)
 
 
-def worth_at(there: LaserMap, reading: LaserReading, poses: F64) -> F32:
+def worth_at(map_: LaserMap, reading: LaserReading, poses: F64) -> F32:
     """Return the nats (N,) a beam at poses (N, 3) in the map's frame, of beams that end where it is known."""
     origin = poses[0, :2].copy()
     local = (poses - [*origin, 0.0]).astype(np.float32)
-    total = there.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, local, origin)
-    unknown = there.unknown.sums(reading.ends, local, origin)
+    total = map_.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, local, origin)
+    unknown = map_.unknown.sums(reading.ends, local, origin)
     return _worth_known(total, unknown, len(reading.ends))
 
 
-def nats_of_beams(there: LaserMap, reading: LaserReading, ends: F64) -> F32:
+def nats_of_beams(map_: LaserMap, reading: LaserReading, ends: F64) -> F32:
     """Return our nats (K,) of the beams that hit something, which end at (K, 2) in the map's frame."""
-    return there.field("calibrated", SIGMA_M).at(ends) * _share(reading)
+    return map_.field("calibrated", SIGMA_M).at(ends) * _share(reading)
 
 
-def likelihood_field(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+def likelihood_field(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return AMCL's: the log of 1 + the sum of pz^3, relative to the best that there could be."""
-    wide = _widened(there.parameters.sigma_hit, spread_m), reading.max_m
-    total = there.field("likelihood_field", *wide).sums(reading.ends, poses, origin)
-    return np.log1p(total) - np.float32(np.log1p(reading.hits.sum() * _cubed(there.pz(0.0, *wide))))
+    wide = _widened(map_.parameters.sigma_hit, spread_m), reading.max_m
+    total = map_.field("likelihood_field", *wide).sums(reading.ends, poses, origin)
+    return np.log1p(total) - np.float32(np.log1p(reading.hits.sum() * _cubed(map_.pz(0.0, *wide))))
 
 
 def likelihood_field_prob(
-    there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float
+    map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float
 ) -> F32:
     """Return AMCL's sum of log pz, without beams that few of a converged cloud's particles agree with."""
-    p, ends = there.parameters, reading.ends
+    p, ends = map_.parameters, reading.ends
     wide = _widened(p.sigma_hit, spread_m), reading.max_m
-    lookup, best = there.field("likelihood_field_prob", *wide), np.log(there.pz(0.0, *wide))
+    lookup, best = map_.field("likelihood_field_prob", *wide), np.log(map_.pz(0.0, *wide))
     if not (p.do_beamskip and (np.abs(poses - poses.mean(axis=0))[:, :2] <= CONVERGED_M).all()):
         return lookup.sums(ends, poses, origin) - np.float32(len(ends) * best)
     nats = lookup.each(ends, poses, origin)
-    kept = (nats > np.log(there.pz(p.beam_skip_distance, *wide))).mean(axis=0) > p.beam_skip_threshold
+    kept = (nats > np.log(map_.pz(p.beam_skip_distance, *wide))).mean(axis=0) > p.beam_skip_threshold
     if reading.size - kept.sum() >= reading.size * p.beam_skip_error_threshold:
         kept[:] = True  # the cloud may have converged to a wrong place
     return np.asarray((nats[:, kept] - np.float32(best)).sum(axis=1), np.float32)
 
 
-def beam(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+def beam(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return AMCL's by ray casting: the log of 1 + the sum of pz^3, relative to a bound of it."""
-    p, measured = there.parameters, reading.ranges_m
+    p, measured = map_.parameters, reading.ranges_m
     mount_x, mount_y, mount_rad = reading.scan.mount
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     places = poses[:, :2] + np.stack([c * mount_x - s * mount_y, s * mount_x + c * mount_y], axis=1) + origin
     lasers = np.column_stack([places, poses[:, 2] + mount_rad])
-    beyond = measured - there.rays.cast(lasers, reading.angles_rad - mount_rad, reading.max_m)
+    beyond = measured - map_.rays.cast(lasers, reading.angles_rad - mount_rad, reading.max_m)
     short = np.asarray(p.z_short * p.lambda_short * np.exp(-p.lambda_short * measured), np.float32)
     rest = np.where(reading.hits, p.z_rand / reading.max_m, p.z_max).astype(np.float32)
     near = _near(beyond, _widened(p.sigma_hit, spread_m))

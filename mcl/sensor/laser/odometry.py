@@ -32,12 +32,13 @@ MOST_POINTS, MOST_BEFORE, LEAST_POINTS = 60, 180, 20  # of this scan, and of eac
 SIGMA_M, OUTLIER = 0.1, 0.1  # as in the calibrated model: some points hit what was not in view before
 SCAN_WORTH = 0.5  # of a scan's nats: scans of one wall share their errors
 # standard deviations of what wheels measure in m and rad: at least, and per meter and rad of it
-LEAST_M, LEAST_RAD, PER_M, PER_RAD, RAD_PER_M = 0.05, 0.03, 0.1, 0.1, 0.05
-FLOOR = np.diag([0.01, 0.01, 0.003]) ** 2  # covariance of a movement at least
-SLIPPED = np.array([0.5, 0.5, 0.4])  # the same standard deviations where wheels slip
-# nats a point: a scan that fits worse may come after a slip; which has to fit so much better, and so well
+SD_M, SD_RAD, SD_PER_M, SD_PER_RAD, SD_RAD_PER_M = 0.05, 0.03, 0.1, 0.1, 0.05
+LEAST_COVARIANCE = np.diag([0.01, 0.01, 0.003]) ** 2  # covariance of a movement at least
+SLIP_SD = np.array([0.5, 0.5, 0.4])  # of the same (m, m, rad) where wheels slip
+# Nats a point. A scan that fits worse than CLEAR_NATS may come after a slip, if the movement with a slip fits
+# better by SLIP_GAIN, and at least as well as SLIP_NATS.
 CLEAR_NATS, SLIP_GAIN, SLIP_NATS = -0.3, 0.2, -0.6
-ROUNDS = 4
+ROUNDS = 4  # of importance sampling, each about the last one's mean
 DRAWN: F64 = np.random.default_rng(0).standard_normal((300, 3))  # the same for every scan
 DRAWN[0] = 0.0
 
@@ -51,12 +52,13 @@ def movement_by_scans(points: F64, motion: F64, earlier: Sequence[Earlier]) -> M
     points, before = _thinned(points, MOST_POINTS), _laid_out(earlier)
     if len(points) < LEAST_POINTS or len(before) < LEAST_POINTS:
         return None
-    seen, way, turn = _Seen.of(before), float(np.hypot(*motion[:2])), abs(float(motion[2]))
-    wheels = np.array([LEAST_M + PER_M * way] * 2 + [LEAST_RAD + PER_RAD * turn + RAD_PER_M * way])
+    seen, distance_m, turn = _Seen.of(before), float(np.hypot(*motion[:2])), abs(float(motion[2]))
+    turn_sd = SD_RAD + SD_PER_RAD * turn + SD_RAD_PER_M * distance_m
+    wheels = np.array([SD_M + SD_PER_M * distance_m] * 2 + [turn_sd])
     movement = _matched(seen, points, motion, wheels)
     if movement.link > CLEAR_NATS:
         return movement
-    slipped = _matched(seen, points, motion, SLIPPED)
+    slipped = _matched(seen, points, motion, SLIP_SD)
     if slipped.link > max(movement.link + SLIP_GAIN, SLIP_NATS):
         return slipped if movement.is_linked else replace(slipped, link=DOUBTFUL_NATS)
     return movement if movement.is_linked else replace(movement, motion=motion)
@@ -73,12 +75,12 @@ def _matched(seen: _Seen, points: F64, motion: F64, wheels: F64) -> MeasuredMove
         weights /= weights.sum()
         mean = weights @ moved
         off = moved - mean
-        covariance = (off.T * weights) @ off + FLOOR
+        covariance = (off.T * weights) @ off + LEAST_COVARIANCE
     return MeasuredMovement(mean, covariance, float(seen.nats(points, mean[None])[0]) / len(points))
 
 
 def _laid_out(earlier: Sequence[Earlier]) -> F64:
-    """Return the points (K, 2) of the scans before, in the frame of the last of them."""
+    """Return the points (K, 2) of the scans before, in the frame of the latest."""
     parts, back = [np.zeros((0, 2))], np.zeros(3)
     for number, before in enumerate(earlier[:SCANS]):
         if number and before.link <= LINKED_NATS:

@@ -10,10 +10,10 @@ from ...values import F32, F64, OccupancyMap
 from .field import cell_distances, look_up
 
 LEAST_STEP = 0.5  # cells
-CELL = 1.0  # what blocks a ray begins this much nearer than its middle; a corner may be cut
-AWAY = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
+WALL_MARGIN = 1.0  # cells that a ray ends before the middle of a blocked one; a corner may be cut
+STEP_OUTSIDE = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
 BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `MOST_CELLS`
-ROUNDS = 10  # of steps between two times that rays which ended are put aside
+STEPS_A_ROUND = 10  # after which rays that ended are put aside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,9 +29,9 @@ class Rays:
     def of(cls, occupancy: OccupancyMap, unknown_blocks: bool = False) -> Rays:
         """Return rays that occupied cells end; with `unknown_blocks` also unknown ones and the map's edge."""
         blocked = occupancy.occupied | occupancy.unknown if unknown_blocks else occupancy.occupied
-        steps = np.maximum(cell_distances(blocked) - np.float32(CELL), np.float32(LEAST_STEP))
+        steps = np.maximum(cell_distances(blocked) - np.float32(WALL_MARGIN), np.float32(LEAST_STEP))
         steps[blocked] = 0
-        return cls(steps, 0.0 if unknown_blocks else AWAY, occupancy.cell_m, occupancy.corner)
+        return cls(steps, 0.0 if unknown_blocks else STEP_OUTSIDE, occupancy.cell_m, occupancy.corner)
 
     def cast(self, poses: F64, angles_rad: F64, max_m: float) -> F32:
         """Return how far (N, B) rays from poses (N, 3), turned by angles (B,), reach: at most `max_m`."""
@@ -49,7 +49,7 @@ class Rays:
         which = np.arange(len(reach))
         while len(which):
             x, y, along_x, along_y = rays
-            for _ in range(ROUNDS):
+            for _ in range(STEPS_A_ROUND):
                 step = look_up(self.steps, x + gone * along_x, y + gone * along_y, self.outside).ravel()
                 gone += step
             blocked = (step == 0) & (gone < most)

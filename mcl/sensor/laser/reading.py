@@ -65,9 +65,9 @@ def _chosen(hits: Bool, parameters: LaserParameters) -> I32:
     """Return numbers of beams: AMCL's every n-th, ours evenly among those that hit something."""
     size, wanted = len(hits), parameters.max_beams
     if parameters.model == "calibrated":
-        there = np.flatnonzero(hits)
-        count = min(wanted, len(there))
-        return there[(2 * np.arange(count) + 1) * len(there) // max(2 * count, 1)].astype(np.int32)
+        answered = np.flatnonzero(hits)
+        count = min(wanted, len(answered))
+        return answered[(2 * np.arange(count) + 1) * len(answered) // max(2 * count, 1)].astype(np.int32)
     rounded_up = parameters.model == "likelihood_field_prob"
     step = -(-size // wanted) if rounded_up else (size - 1) // (wanted - 1)
     return np.arange(0, size, max(step, 1), dtype=np.int32)

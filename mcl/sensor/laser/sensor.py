@@ -43,12 +43,12 @@ from .odometry import movement_by_scans
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
-NOTED_SHARE = 0.08  # of the beams against a pose: from there on what is around it is tried, too
-# Offsets (A, 3) around an estimate, less than 0.32 m and 5 degrees: a scan full of people corrects no cloud,
-# so that it drifts a few decimeters, and is where it was all the same.
+NOTED_SHARE = 0.08  # of the beams against a pose: with as many, poses around it are tried, too
+# Offsets (A, 3) around an estimate, less than 0.32 m and 5 degrees: while a scan is full of people nothing
+# corrects the cloud, which drifts a few decimeters, and is not lost for that.
 _STEPS_M, _TURNS = np.arange(-3, 4) * 0.1, np.radians(np.arange(-4, 5, 2))
-AROUND = np.stack(np.meshgrid(_STEPS_M, _STEPS_M, _TURNS), axis=-1).reshape(-1, 3)
-AROUND = AROUND[np.hypot(AROUND[:, 0], AROUND[:, 1]) < 0.32]
+OFFSETS = np.stack(np.meshgrid(_STEPS_M, _STEPS_M, _TURNS), axis=-1).reshape(-1, 3)
+OFFSETS = OFFSETS[np.hypot(OFFSETS[:, 0], OFFSETS[:, 1]) < 0.32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ class Laser:
 
     def settled(self, reading: LaserReading, pose: F64) -> tuple[F64, float]:
         """Return the pose (3,) around a given one that a reading fits best, and its nats, by our model."""
-        poses, origin = pose + AROUND, pose[:2].copy()
+        poses, origin = pose + OFFSETS, pose[:2].copy()
         nats = calibrated(self._map, reading, (poses - [*origin, 0.0]).astype(np.float32), origin, 0.0)
         best = int(nats.argmax())
         return poses[best], max(float(nats[best]), -SCAN_OUTLIER_NATS)

@@ -15,10 +15,9 @@ from scipy.special import ndtr
 
 import maurice_mcl.filter.weighting as weighting
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal, ProposedParticles
+from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal, ProposedParticles, regions
 from maurice_mcl.filter.recovery import RecoveryStep, none
 from maurice_mcl.filter.resampling import RESAMPLERS, Resampling, always, below_effective
-from maurice_mcl.filter.sampling import regions
 from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters

@@ -10,9 +10,9 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.filter.following import (
-    MOST_NATS,
-    SHARE,
+    MOST_TRUST_NATS,
     START_NATS,
+    SUPPORT_SHARE,
     GuidedMotionParameters,
     GuidedProposal,
     guided_motion,
@@ -20,7 +20,7 @@ from maurice_mcl.filter.following import (
 )
 from maurice_mcl.filter.localizer import GUIDED
 from maurice_mcl.filter.motion import (
-    DRIFT,
+    SPREAD_SHARE,
     MauriceMotion,
     MauriceParameters,
     MotionOutliers,
@@ -228,16 +228,16 @@ def after(estimate, movement=None, trust=30.0):
 @pytest.mark.parametrize(("sd_m", "nats"), [(0.1, START_NATS), (5.0, 0.0)])
 def test_a_start_that_somebody_gave_speaks_for_itself(sd_m, nats):
     first = kept(record(cloud(sd_m), BEFORE), None, ())
-    assert first.trust == nats + SHARE * SUPPORT
+    assert first.trust == nats + SUPPORT_SHARE * SUPPORT
 
 
 def test_estimates_tell_a_movement_better_than_wheels_unless_they_jump():
     arc = compose(compose(np.zeros(3), MOTION / 2), MOTION / 2)
     near, jump = (compose(BEFORE, arc + np.array([off_m, 0, 0])) for off_m in (0.1, 3.0))
     np.testing.assert_allclose(after(near).motions, (arc + np.array([0.1, 0, 0]))[None])
-    assert after(near).trust == 30 + SHARE * SUPPORT
+    assert after(near).trust == 30 + SUPPORT_SHARE * SUPPORT
     np.testing.assert_allclose(after(jump).motions, arc[None])
-    assert after(jump).trust == SHARE * SUPPORT
+    assert after(jump).trust == SUPPORT_SHARE * SUPPORT
 
 
 @pytest.mark.parametrize(("link", "trust"), [(-0.2, 30.0), (-2.0, 0.0)])
@@ -246,11 +246,11 @@ def test_a_movement_that_a_sensor_measured_is_kept_and_a_break_ends_trust(link, 
     update = after(compose(BEFORE, movement.motion), movement)
     np.testing.assert_array_equal(update.motions, movement.motion[None])
     assert update.link == link
-    assert update.trust == trust + SHARE * SUPPORT
+    assert update.trust == trust + SUPPORT_SHARE * SUPPORT
 
 
 def test_trust_is_bounded():
-    assert after(compose(BEFORE, MOTION), trust=MOST_NATS).trust == MOST_NATS
+    assert after(compose(BEFORE, MOTION), trust=MOST_TRUST_NATS).trust == MOST_TRUST_NATS
 
 
 def test_particles_follow_a_measured_movement_with_a_share_of_its_noise():
@@ -258,7 +258,7 @@ def test_particles_follow_a_measured_movement_with_a_share_of_its_noise():
     movement = MeasuredMovement(MOTION, root @ root.T, 0.0)
     noise = np.random.default_rng(7).standard_normal((n, 3)).astype(np.float32)
     moved = measured_motion(np.zeros((n, 3), np.float32), movement, noise).astype(np.float64)
-    covariance = DRIFT**2 * movement.covariance
+    covariance = SPREAD_SHARE**2 * movement.covariance
     error = 4 * np.sqrt(np.diag(covariance) / n)
     assert (np.abs(moved.mean(axis=0) - MOTION) < error).all()
     assert np.abs(np.cov(moved.T) - covariance).max() < 4 * 2 * covariance.max() / np.sqrt(n)

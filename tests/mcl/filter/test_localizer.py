@@ -18,9 +18,8 @@ from maurice_mcl.filter.localizer import (
     run,
 )
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
-from maurice_mcl.filter.proposal import ProposedParticles
+from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always
-from maurice_mcl.filter.sampling import belief_at, uniform_belief
 from maurice_mcl.filter.weighting import weigh
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.scoring.metrics import score

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal
-from maurice_mcl.filter.sampling import likely_poses, regions, shares_of, uniform_poses
+from maurice_mcl.filter.proposal import (
+    MixtureParameters,
+    MixtureProposal,
+    likely_poses,
+    regions,
+    shares_of,
+    uniform_poses,
+)
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
 from maurice_mcl.values.map import Arena, Region, make_grid
 from maurice_mcl.values.pose_sensor import PoseProposal

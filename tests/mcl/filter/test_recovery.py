@@ -12,7 +12,7 @@ import maurice_mcl as mcl
 import maurice_mcl.filter.localizer as localizer_module
 from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.filter.motion import OdometryMotion
-from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal
+from maurice_mcl.filter.proposal import MixtureParameters, MixtureProposal, regions
 from maurice_mcl.filter.recovery import (
     Recovery,
     RecoveryStep,
@@ -27,7 +27,6 @@ from maurice_mcl.filter.resampling import (
     always,
     every,
 )
-from maurice_mcl.filter.sampling import regions
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.randomness import Domain, Purpose, stream

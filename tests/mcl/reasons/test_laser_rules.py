@@ -20,7 +20,7 @@ SHARES = {"agrees": 0.95, "short": 0.03, "beyond": 0.0, "unknown": 0.0, "miss": 
 # a scan that fits the truth, and the estimate of a lost filter by far not
 FITS = ScanFit(0.02, 60.0, 60.0, 70.0, 0.98, 60.0, 2.0, (3.0, 4.0), 0.4, SHARES)
 BAD = replace(
-    FITS, off=0.5, ahead=-3.0, own_ahead=-3.0, own_says=9.0, skill=0.6, shares=SHARES | {"short": 0.5}
+    FITS, off=0.5, ahead=-3.0, own_ahead=-3.0, own_over_typical=9.0, skill=0.6, shares=SHARES | {"short": 0.5}
 )
 
 
@@ -48,12 +48,12 @@ CASES = {
     "people, after it was lost": ("impoverished", BAD, range(22, UPDATES)),
     "twin": ("ambiguity", replace(FITS, ahead=1.0, own_ahead=1.0), SINCE),
     "corridor": ("ambiguity", replace(FITS, ahead=1.0, own_ahead=1.0, between=2.0), SINCE),
-    "flat": ("flat_sensor", replace(FITS, own_ahead=1.0, own_says=1.5), SINCE),
+    "flat": ("flat_sensor", replace(FITS, own_ahead=1.0, own_over_typical=1.5), SINCE),
     "a range that is cut": ("flat_sensor", replace(FITS, cut=0.85), ALL),
     "a range that is cut somewhat": ("impoverished", replace(FITS, cut=0.4), ALL),
     "a sensor that prefers the wrong place": (
         "impoverished",
-        replace(FITS, own_ahead=-3, own_says=1.5),
+        replace(FITS, own_ahead=-3, own_over_typical=1.5),
         SINCE,
     ),
 }
@@ -80,7 +80,7 @@ def test_a_corridor_is_told_from_a_twin_by_what_is_between():
 
 
 def test_off_the_mapped_part_nothing_is_said_of_what_the_map_has_otherwise():
-    unmapped = replace(BAD, skill=0.1, own_ahead=1.0, own_says=1.5, shares=SHARES | {"unknown": 0.6})
+    unmapped = replace(BAD, skill=0.1, own_ahead=1.0, own_over_typical=1.5, shares=SHARES | {"unknown": 0.6})
     failure = failure_of(unmapped, SINCE)
     assert failure.kind == "left_map"
     assert not {"changed_view", "wrong_map", "flat_sensor"}.intersection(failure.also)

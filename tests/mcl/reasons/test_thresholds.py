@@ -28,7 +28,7 @@ LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
 USUAL = UsualFit(0.8, 0.05, {"color": 0.1})
 STILL = Surprise(0.0, 0.0, 0.0, 1.0)
 SCAN = ScanFit(0.02, 60.0, 60.0, 70.0, 0.98, 60.0, 2.0, (3.0, 4.0), 0.4, {"agrees": 0.95})
-BAD = replace(SCAN, off=0.5, ahead=-3.0, own_ahead=-3.0, own_says=9.0, skill=0.6)
+BAD = replace(SCAN, off=0.5, ahead=-3.0, own_ahead=-3.0, own_over_typical=9.0, skill=0.6)
 
 
 def run(changes, steps=(LOST_AT,), usual=USUAL, **everywhere):
@@ -59,7 +59,7 @@ def mounted(nats=-2.0, yaw_deg=90.0, place=(0.0, 0.0), placed=-90.0):
 
 
 def flat(ahead=60.0, own=1.0, says=1.5):
-    return {"scan": replace(SCAN, ahead=ahead, own_ahead=own, own_says=says)}
+    return {"scan": replace(SCAN, ahead=ahead, own_ahead=own, own_over_typical=says)}
 
 
 def near(after_picture):

@@ -11,7 +11,7 @@ import maurice_mcl as mcl
 from maurice_mcl.config.build import adapted, available
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.following import elsewhere
-from maurice_mcl.filter.sampling import density, draw_poses
+from maurice_mcl.filter.proposal import density, draw_poses
 from maurice_mcl.scoring.batch import run_batch
 from maurice_mcl.sensor.descriptors.registry import weights_of
 from maurice_mcl.sensor.references import nearest_reference

@@ -145,13 +145,13 @@ def test_a_pose_that_one_thing_alone_speaks_for_is_marked(landmarks, reading):
     points = landmarks.map.points[reading.landmark]
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     all_of_them = replace(landmarks, obstacles=(square("bookcase", low, high),))
-    assert all_of_them.propose(reading).of_one_thing.all()
+    assert all_of_them.propose(reading).from_one_object.all()
     middle = np.array([high[0], np.median(points[:, 1])])
     half = replace(landmarks, obstacles=(square("bookcase", low, middle),))
-    assert not half.propose(reading).of_one_thing.any()
+    assert not half.propose(reading).from_one_object.any()
     for sensor, said in ((all_of_them, True), (half, False)):
         assert ("Only the bookcase says so" in sensor.shown(reading, {"estimate": POSE}).words) == said
-    assert not landmarks.propose(reading).of_one_thing.any()
+    assert not landmarks.propose(reading).from_one_object.any()
 
 
 def test_landmarks_are_on_the_obstacle_that_they_are_in_or_near():
