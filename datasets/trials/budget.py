@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from maurice_mcl.reasons.budget import (
     error_budget_line,
 )
 from maurice_mcl.scoring.batch import compared_once
-from maurice_mcl.values import F64, Moment
+from maurice_mcl.values import F64, Moment, Plain, plain
 
 from .statistics import Clusters, Interval, mean, share
 
@@ -33,9 +33,10 @@ COSTS = {
 
 
 @dataclass(frozen=True, slots=True)
-class BudgetPart:
+class BudgetPart(Plain):
     """What remains of the error with one part made perfect, and so what the part costs."""
 
+    also = ("costs",)
     part: str  # one of `maurice_mcl.reasons.budget.PARTS`
     error: Interval  # meters: position error, mean over updates 4 to the last
     cost: Interval | None  # meters: what it takes off, on the same drives and seeds; None: nothing is perfect
@@ -45,12 +46,6 @@ class BudgetPart:
     def costs(self) -> str:
         """What the cost is due to; empty where nothing is perfect."""
         return COSTS.get(self.part, "")
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all figures as plain values; what is not known is None."""
-        cost = None if self.cost is None else self.cost.to_json()
-        figures = {"error": self.error.to_json(), "cost": cost, "lost": self.lost.to_json()}
-        return {"part": self.part, **figures, "costs": self.costs}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +67,7 @@ class ErrorBudget:
     def to_json(self) -> dict[str, Any]:
         """Return all figures as plain values."""
         most = self.costliest
-        parts = [part.to_json() for part in self.parts]
-        return asdict(self) | {"parts": parts, "costliest": None if most is None else most.costs}
+        return plain(self) | {"costliest": None if most is None else most.costs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

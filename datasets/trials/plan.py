@@ -12,7 +12,7 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +22,7 @@ from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.values import (
+    Plain,
     Rule,
     checked,
     choice,
@@ -172,7 +173,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Plain):
     """Parts, in order.
 
     >>> from maurice_datasets.trials.plan import read_plan
@@ -189,11 +190,6 @@ class Plan:
     def runs(self) -> int:
         """The number of runs of all parts."""
         return sum(part.runs for part in self.parts)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all that the runs depend on, as plain values."""
-        plain: dict[str, Any] = json.loads(json.dumps(asdict(self), default=dict))
-        return plain
 
     @property
     def hash(self) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtrit
 
-from maurice_mcl.values import F64, I64, Bool
+from maurice_mcl.values import F64, I64, Bool, Plain
 
 SEED, LEVEL = 0, 0.95
 Z = float(stdtrit(np.inf, (1 + LEVEL) / 2))  # standard deviations: two-sided 95 percent
@@ -21,7 +21,7 @@ EQUAL = 1e-12  # of the largest value: a smaller standard error is a rounding er
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class Interval(Plain):
     """A figure and its interval, 95 percent unless stated otherwise; NaN: too few drives for one."""
 
     value: float
@@ -46,10 +46,6 @@ class Interval:
         numbers = (self.value, self.low, self.high)
         value, low, high = (f"{number * factor:{sign}.{digits}f}" for number in numbers)
         return f"{value} ({low} to {high})" if np.isfinite(self.low) else f"{value} (no interval)"
-
-    def to_json(self) -> dict[str, float | int | None]:
-        """Return it as plain values; what is not known is None."""
-        return {key: figure if np.isfinite(figure) else None for key, figure in asdict(self).items()}
 
 
 UNKNOWN = Interval(np.nan, np.nan, np.nan, 0)  # of no runs

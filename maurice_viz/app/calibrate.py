@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from maurice_mcl.fitting.motion import calibrate as fit_trials
 from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionSegment
 from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
-from maurice_mcl.values import F64, Arena, SessionInfo, expected_one_of
+from maurice_mcl.values import F64, Arena, SessionInfo, expected_one_of, plain
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
@@ -47,8 +46,7 @@ class MotionCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant in meters and radians, and the header's robot.motion."""
-        found: dict[str, Any] = finite(asdict(self.fit))
-        return found | {"motion": self.fit.motion_header()}
+        return plain(self.fit) | {"motion": plain(self.fit.motion_header())}
 
     def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
         """Draw the thesis's figures 4 to 11 into a folder and return their paths.
@@ -139,15 +137,8 @@ class NoiseCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return the peaks and the whole histograms."""
-        floor = self.floor
-        found: dict[str, Any] = {
-            "frames": floor.frames,
-            "peaks": [asdict(peak) for peak in floor.peaks()],
-            "level": floor.level.tolist(),
-            "mean": floor.mean.tolist(),
-            "sd": floor.sd.tolist(),
-        }
-        return dict(finite(found))
+        facts = {name: getattr(self.floor, name) for name in ("frames", "level", "mean", "sd")}
+        return plain(facts | {"peaks": self.floor.peaks()})
 
     def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
         """Draw the thesis's figures 13 and 14 into a file (.png) and return its path.
@@ -207,8 +198,7 @@ class DriveCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant with its interval, and the header's robot.motion."""
-        found: dict[str, Any] = finite(asdict(self.fit))
-        return found | {"motion": self.fit.motion_header()}
+        return plain(self.fit) | {"motion": plain(self.fit.motion_header())}
 
     @property
     def warnings(self) -> list[str]:
@@ -322,12 +312,3 @@ def _floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:
 def _floor_at(arena: Arena, point: F64) -> str:
     """Name the topmost floor at a point (2,); "" where there is none."""
     return next((floor.name for floor in reversed(arena.floors) if floor.depth_m(point[None])[0] >= 0), "")
-
-
-def finite(value: Any) -> Any:
-    """Turn what is not finite into null, which JSON has."""
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,10 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.fitting.belief import BeliefCalibration, BeliefJudge
 from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.scoring.table import TableRows
+from maurice_mcl.values import plain
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.saved_steps import Pictures, Restored, restored_together
-from .calibrate import finite
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +34,9 @@ class CalibratedBelief:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        facts: dict[str, Any] = finite(asdict(self.calibration)) | {"likelihood": self.calibration.likelihood}
-        own = {"label": self.label, "left_out": self.left_out, "sharpness": self.sharpness}
-        return own | facts | {"better_sharpness": self.better_sharpness}
+        own = plain(self, "better_sharpness")
+        del own["calibration"]
+        return own | plain(self.calibration, "likelihood")
 
 
 def calibrate_belief(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_mcl.library.occupancy_building import build_occupancy
-from maurice_mcl.values import F64, LaserScan, OccupancyMap, Session
+from maurice_mcl.values import F64, LaserScan, OccupancyMap, Plain, Session
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
@@ -216,17 +216,13 @@ def build_map(
 
 
 @dataclass(frozen=True, slots=True)
-class Exported:
+class Exported(Plain):
     """What was exported of one run."""
 
     label: str
     updates: int
     files: tuple[Path, ...]
     position_error_m: Mapping[str, float] | None  # statistics by evo's names; None without truth
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON."""
-        return asdict(self) | {"files": [str(file) for file in self.files]}
 
 
 Files = Mapping[str, Path]  # those asked for, by kind

@@ -21,7 +21,7 @@ from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import Failure, title_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.values import F64
+from maurice_mcl.values import F64, plain
 
 from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
@@ -132,8 +132,8 @@ class Diagnoses:
 
     def to_json(self) -> dict[str, Any]:
         """Return `{"session": ..., "recording": [...], "runs": [...]}`."""
-        runs = [run.to_json() for run in self.runs]
-        return {"session": self.name, "recording": list(self.recording), "runs": runs}
+        told = plain(self)
+        return {"session": told.pop("name"), **told}
 
 
 def diagnose(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,7 +23,7 @@ from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.comparison import RunComparison
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.values import Library, Moment, StepRecord, expected_one_of
+from maurice_mcl.values import Library, Moment, StepRecord, expected_one_of, plain
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.open import library_at, library_of
@@ -67,7 +67,7 @@ class InspectedRecording:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        contents = asdict(replace(self.contents, implausible=()))
+        contents = plain(self.contents)
         del contents["implausible"]  # told among the warnings
         return {"format": self.format} | contents
 

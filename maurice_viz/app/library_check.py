@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, s
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.values import F64, Library
+from maurice_mcl.values import F64, Library, plain, plain_value
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
@@ -57,14 +57,14 @@ class LibraryCheck:
             "wanted_spacing_m": self.wanted_m,
             "covered_share": covered.covered,
             "directions_share": covered.directions,
-            "gaps": [asdict(gap) for gap in covered.gaps],
+            "gaps": plain_value(covered.gaps),
             "retrieved_right_share": found.retrieved_right,
             "look_alikes": [
                 {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
                 for entry in found.aliased.tolist()
             ],
             "confusions": [self._confusion(confusion) for confusion in self.advice.confusions],
-            "missing_headings": [asdict(place) for place in self.advice.missing],
+            "missing_headings": plain_value(self.advice.missing),
             "add": [self._added(reference) for reference in self.advice.added],
             "ambiguity_median": float(np.median(places)),
             "ambiguity": [
@@ -76,10 +76,8 @@ class LibraryCheck:
         }
 
     def _confusion(self, confusion: Confusion) -> dict[str, Any]:
-        return asdict(confusion) | {
-            "pose": self._pose(confusion.entry),
-            "like_pose": self._pose(confusion.like),
-        }
+        poses = {"pose": self._pose(confusion.entry), "like_pose": self._pose(confusion.like)}
+        return plain(confusion) | poses
 
     def _pose(self, entry: int) -> dict[str, float]:
         return _pose(self.library.poses[entry])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Frame, Moment, Past
+from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Frame, Moment, Past, plain
 
 from ..errors import SILENT, Listener
 from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
@@ -75,9 +75,7 @@ class RemedyResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        change = {"change": list(self.change.words), "options": list(self.change.options)}
-        figures = {"localized": self.localized.to_json(), "error_m": self.error_m.to_json()}
-        return asdict(self) | change | figures
+        return plain(self) | {"change": list(self.change.words), "options": list(self.change.options)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,17 +104,8 @@ class Remedies:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        best = self.proposed
-        return {
-            "run": self.run,
-            "from_step": self.from_step,
-            "seeds": list(self.seeds),
-            "line": self.line,
-            "proposed": None if best is None else best.name,
-            "as_it_was": self.as_it_was.to_json(),
-            "tried": [result.to_json() for result in self.tried],
-            "left_out": list(self.left_out),
-        }
+        told = plain(self) | {"proposed": None if self.proposed is None else self.proposed.name}
+        return {key: value for key, value in told.items() if key not in ("name", "display_units")}
 
 
 def remedies(

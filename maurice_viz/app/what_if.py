@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from maurice_mcl.scoring.events import PARTED
 from maurice_mcl.scoring.metrics import mostly_at_end
 from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.sensor.ahead import Compared
-from maurice_mcl.values import FilterState, Moment, Past, StepRecord
+from maurice_mcl.values import FilterState, Moment, Past, StepRecord, plain
 
 from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS
@@ -68,11 +68,11 @@ class WhatIf:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        names = ("from_step", "change", "same_until", "parted_at", "line")
-        facts = {name: getattr(self, name) for name in names}
+        told = plain(self)
         first = None if self.differs is None else {"step": self.differs.step, "field": self.differs.field}
-        runs = {"run": asdict(self.before), "branch": asdict(self.after)}
-        return {"what_if": facts | {"differs": first, "after_branch": runs}} | self.scores.to_json()
+        runs = {"run": told.pop("before"), "branch": told.pop("after")}
+        scores: dict[str, Any] = told.pop("scores")
+        return {"what_if": told | {"differs": first, "after_branch": runs}} | scores
 
 
 def what_if(

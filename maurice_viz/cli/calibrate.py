@@ -56,7 +56,7 @@ def motion(
             drawn = fitted.figures(plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
     if json_output:
-        print_json(fitted.to_json())
+        print_json(fitted)
         return
     results.print(_motion_table(fitted.fit, fitted.units, source.name))
     if output is None:
@@ -86,7 +86,7 @@ def noise(
             measured.figures(output, force=force)
             note(f"{output} written")
     if json_output:
-        print_json(measured.to_json())
+        print_json(measured)
     else:
         results.print(_noise_table(measured.floor, source.name))
 
@@ -115,7 +115,7 @@ def drive(
             *sessions, model=model, reading=reading.options(), to=output, force=force, listener=listener
         )
     if json_output:
-        print_json(fitted.to_json())
+        print_json(fitted)
         return
     results.print(_drive_table(fitted.fit, ", ".join(source.name for source in fitted.sources)))
     if output is None:
@@ -133,7 +133,7 @@ def belief(
     with listening() as listener:
         beliefs = calibrate_belief(*runs, lost=lost, listener=listener)
     if json_output:
-        print_json([belief.to_json() for belief in beliefs])
+        print_json(beliefs)
         return
     for belief in beliefs:
         results.print(_belief_table(belief))

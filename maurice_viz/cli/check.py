@@ -94,7 +94,7 @@ def check(
             listener=listener,
         )
     if json_output:
-        print_json(result.to_json())
+        print_json(result)
     else:
         _print(result)
     if demands.seeds == 1 and not all(drive.recorded for drive in result.drives):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -126,7 +125,7 @@ def convert(
             listener=listener,
         )
     if json_output:
-        print_json(converted.to_json())
+        print_json(converted)
     else:
         done = converted.counts
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
@@ -164,7 +163,7 @@ def export(
     with listening() as listener:
         exported = export_run(run, files, only=only, scored=scored, force=force, listener=listener)
     if json_output:
-        print_json({"runs": [exported.to_json()]})
+        print_json({"runs": [exported]})
         return
     for file in exported.files:
         results.print(str(file), soft_wrap=True)
@@ -194,7 +193,7 @@ def build(
             recording, output, until=until, reading=reading.options(), force=force, listener=listener
         )
     if json_output:
-        print_json(built.to_json())
+        print_json(built)
         return
     facts = built.to_json()
     width_m, height_m = facts["size_m"]
@@ -233,7 +232,7 @@ def pictures(
         force=force,
     )
     if json_output:
-        print_json(asdict(summary))
+        print_json(summary)
     else:
         _report(summary)
 

@@ -217,7 +217,7 @@ def check(
             listener=listener,
         )
     if json_output:
-        print_json(report.to_json())
+        print_json(report)
     else:
         _print(report, weights_of(feature))
 
@@ -366,7 +366,7 @@ def tune(
             listener=listener,
         )
     if json_output:
-        print_json(tuning.to_json())
+        print_json(tuning)
         return
     results.print(_tuning_table(tuning))
     if output is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -58,7 +57,7 @@ def inspect(
 def _print_formats(json_output: bool) -> None:
     readable = formats()
     if json_output:
-        print_json([asdict(format_info) for format_info in readable])
+        print_json(readable)
         return
     table = Table()
     for title in ("format", "what", "needs"):
@@ -72,7 +71,7 @@ def _print_formats(json_output: bool) -> None:
 def _print_contents(path: Path, json_output: bool, reading: list[str] | None) -> None:
     inspected = inspect_recording(path, reading=reading_of(reading))
     if json_output:
-        print_json(inspected.to_json())
+        print_json(inspected)
         return
     contents = inspected.contents
     table = Table(title=f"{contents.kind} {contents.name}", title_justify="left", show_header=False)
@@ -89,7 +88,7 @@ def _print_events(run: Path, json_output: bool) -> None:
     """Print what happened in a saved run; JSON has routine events too: resampling, a new floor."""
     happened = events(run, routine=json_output)
     if json_output:
-        print_json(happened.to_json())
+        print_json(happened)
     elif any(each.events for each in happened.runs):
         results.print(_event_table({each.label: each.events for each in happened.runs}, happened.session))
     else:

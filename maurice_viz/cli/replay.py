@@ -208,7 +208,7 @@ def verify(run: opt.Run, json_output: opt.Json = False) -> None:
     with listening() as listener:
         verdicts = verify_run(run, listener=listener)
     if json_output:
-        print_json({"runs": [verdict.to_json() for verdict in verdicts]})
+        print_json({"runs": verdicts})
     else:
         for verdict in verdicts:
             results.say(str(verdict))
@@ -222,7 +222,7 @@ def printed(json_output: bool, *, all_rows: bool = False) -> Report:
     def report(scores: RunScores) -> None:
         TO_CONSOLE.end()
         if json_output:
-            print_json(scores.to_json())
+            print_json(scores)
         else:
             units = units_named(scores.display_units)
             verdicts = {run.label: run.verdict for run in scores.runs}

@@ -56,7 +56,7 @@ def diagnose(
             source, **chosen.arguments(), seed=seed, reading=reading.options(), listener=listener
         )
         if json_output:
-            print_json(diagnoses.to_json())
+            print_json(diagnoses)
         else:
             results.say(diagnoses.text)
         if output is not None:
@@ -100,7 +100,7 @@ def explain(
             listener=listener,
         )
         if json_output:
-            print_json(explained.to_json())
+            print_json(explained)
         else:
             results.say(explained.text)
         if output is not None:
@@ -202,7 +202,7 @@ def budget(
             source, **chosen.arguments(), reading=reading.options(), seeds=seeds, listener=listener
         )
     if json_output:
-        print_json(shares.to_json())
+        print_json(shares)
         return
     drives = f"{shares.drives} drives" if shares.drives > 1 else f"{shares.parts[0].error.count} seeds"
     title = Text(f"{shares.name}: {shares.filter}, {drives}, 95 % intervals")
@@ -295,7 +295,7 @@ def what_if(
         compared = branch(run, from_step, **change.arguments(), output=output, listener=listener)
     TO_CONSOLE.end()
     if json_output:
-        print_json(compared.to_json())
+        print_json(compared)
     else:
         _print(compared)
 
@@ -306,7 +306,7 @@ def _remedies(run: Path, from_step: int | None, seeds: int, json_output: bool) -
     with listening(usage=False) as listener:
         ranking = remedies(run, from_step, seeds=seeds, listener=listener)
     if json_output:
-        print_json(ranking.to_json())
+        print_json(ranking)
         return
     results.say(ranking.line, style="bold")
     results.print(_remedy_table(ranking))

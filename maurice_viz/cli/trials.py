@@ -7,7 +7,6 @@ import itertools
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +25,7 @@ from maurice_datasets.trials.statistics import FEW, Interval
 from maurice_datasets.trials.table import Difference, Group
 from maurice_loaders.files.text import plain_cell
 from maurice_loaders.files.writing import expect_absent, write_whole
+from maurice_mcl.values import plain
 
 from ..errors import progress_of
 from ..text.summary import metric_title, name_of
@@ -78,7 +78,7 @@ def run(
             progress=progress_of(listener, chosen.title),
         )
     if json_output:
-        print_json(asdict(done))
+        print_json(done)
         return
     results.say(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
     if done.error is not None:
@@ -155,13 +155,13 @@ def table(
 
 def _plain(rows: Sequence[Group | Difference]) -> list[dict[str, Any]]:
     """Return rows of a table as plain values; what is not known or infinite is null."""
-    plain = []
-    for row in rows:
-        values = {key: value for key, value in asdict(row).items() if key not in ("curve", "figure")}
-        median = values.get("median")
-        known = median if median is not None and math.isfinite(median) else None
-        plain.append(values | row.figure.to_json() | {"median": known})
-    return plain
+    told = [plain(row) for row in rows]
+    return [
+        {key: one[key] for key in one if key not in ("curve", "figure")}
+        | one["figure"]
+        | {"median": one.get("median")}
+        for one in told
+    ]
 
 
 def _write(file: Path, groups: list[Group], *, force: bool) -> None:

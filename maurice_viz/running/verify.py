@@ -11,6 +11,7 @@ from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference
 from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.reasons.second_opinion import SecondOpinion
+from maurice_mcl.values import plain
 
 from ..errors import SILENT, Listener
 from .saved import changed_versions, library_of, localizer_of, session_of
@@ -41,16 +42,9 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        first = self.difference
-        place = None if first is None else {"step": first.step, "field": first.field}
-        values = {} if first is None else {"stored": first.stored, "now": first.now}
-        return {
-            "label": self.label,
-            "same": first is None,
-            "steps": self.steps,
-            "difference": place and place | values,
-            "changed_versions": list(self.changed),
-        }
+        told = plain(self, "same")
+        del told["pictures"]
+        return told | {"changed_versions": told.pop("changed")}
 
 
 def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verification]:

@@ -14,12 +14,20 @@ from maurice_mcl.reasons.explanation import (
     WINNER,
     EntryExplanation,
     Explained,
-    PoseOffset,
     StepExplanation,
     offset,
 )
 from maurice_mcl.sensor.landmarks.sensor import SHAPE_TOLERANCE, Landmarks
-from maurice_mcl.values import F64, Arena, Frame, MovedThing, PoseSensor, Shown, StepRecord
+from maurice_mcl.values import (
+    F64,
+    Arena,
+    Frame,
+    MovedThing,
+    PoseSensor,
+    Shown,
+    StepRecord,
+    plain_value,
+)
 
 from ..style import Scale
 from .explanation import REFERENCES
@@ -95,19 +103,14 @@ def to_json(label: str, step: StepExplanation) -> dict[str, Any]:
 
 
 def _explained(shown: Explained, winner: EntryExplanation) -> dict[str, Any]:
-    weighed = shown.weighed if shown.weighed is not None and math.isfinite(shown.weighed) else None
     return {
         "who": shown.who,
         "pose": shown.pose.tolist(),
-        "particle_log_likelihood": weighed,  # null outside free space
-        "from_truth": None if shown.from_truth is None else _offset(shown.from_truth),
-        "from_estimate": _offset(shown.from_estimate),
+        "particle_log_likelihood": plain_value(shown.weighed),  # null outside free space
+        "from_truth": plain_value(shown.from_truth),
+        "from_estimate": plain_value(shown.from_estimate),
         "reference": None if shown.entry is None else _entry(shown.entry, winner),
     }
-
-
-def _offset(offset: PoseOffset) -> dict[str, float]:
-    return {"apart_m": offset.apart_m, "turned_rad": offset.turned_rad}
 
 
 def _entry(entry: EntryExplanation, winner: EntryExplanation) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from maurice_mcl.scoring.comparison import (
 )
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.metrics import LEFT_TRUTH, SEGMENT_RADII, RelativeError
-from maurice_mcl.values import INCH_M, Radii
+from maurice_mcl.values import INCH_M, Radii, plain, plain_value
 
 from ..playback import RunResult
 from ..style import Scale, Units
@@ -243,7 +242,7 @@ def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def plain(text: str) -> str:
+def escaped(text: str) -> str:
     """Return a label with Markdown's signs escaped."""
     return "".join(f"\\{sign}" if sign in "\\`*_|[]<>#~" else sign for sign in text)
 
@@ -333,14 +332,14 @@ def _run_json(result: RunResult, scale: Scale) -> dict[str, Any]:
     success = {success.preset: _values(success, SUCCESS) for success in result.score.success}
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result, scale)}
-    relative = None if result.score.relative is None else asdict(result.score.relative)
+    relative = plain_value(result.score.relative)
     scores["localized_at_step"] = result.verdict.localized
     lost = (episode.lost for episode in result.verdict.episodes if episode.lost is not None)
     scores["lost_at_step"] = next(lost, None)  # declared, also while it had not been localized yet
     scores["relative_error"] = relative
     scores["knows_where_it_is"] = _signal_json(result)
     scores["odometry_alone"] = _alone_json(result)
-    tail = {"thesis_success": success, "radii": asdict(result.radii), "steps_per_s": result.steps_per_s}
+    tail = {"thesis_success": success, "radii": plain(result.radii), "steps_per_s": result.steps_per_s}
     return head | scores | tail
 
 
@@ -372,16 +371,16 @@ def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
         "most_at": verdict.most_at,
         "left_map": list(verdict.left_map),
         "text": headline({result.label: verdict}, scale),
-        "in_obstacles": [asdict(stay) for stay in verdict.in_obstacles],
-        "episodes": [asdict(episode) | {"text": episode.account} for episode in verdict.episodes],
+        "in_obstacles": plain_value(verdict.in_obstacles),
+        "episodes": [plain(episode) | {"text": episode.account} for episode in verdict.episodes],
         "failures": [failure_json(failure, scale) for failure in verdict.failures],
-        "causes": [asdict(incident) for incident in verdict.incidents],
+        "causes": plain_value(verdict.incidents),
     }
 
 
 def failure_json(failure: Failure, scale: Scale) -> dict[str, Any]:
     """Return a failure as JSON, with its cause in words."""
-    return asdict(failure) | {"also": list(failure.also), "text": say_failure(failure, scale)}
+    return plain(failure) | {"text": say_failure(failure, scale)}
 
 
 def _values(of: object, names: Sequence[str]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ robot takes in a row at one place, which a filter multiplies: together they are 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
 from ..values.arrays import F64, U8
 from ..values.geometry import rotated, wrap, wrap_angle
+from ..values.plain import plain
 from ..values.randomness import Domain, stream
 from .left_out import WIDENINGS
 
@@ -63,9 +64,7 @@ class DriveScore:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        gains = {name: getattr(self, name) for name in ("gain", "far_gain")}
-        known = {name: gain if np.isfinite(gain) else None for name, gain in gains.items()}
-        return asdict(self) | known | {"is_bad": not self.tells}
+        return plain(self) | {"is_bad": not self.tells}
 
 
 def stays(poses: F64, right_m: float) -> list[range]:

@@ -21,7 +21,19 @@ from numpy.typing import NDArray
 
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
-from ..values import F32, F64, I32, INCH_M, Library, crosses, distinct_places, place_tree, spacing, wrap_angle
+from ..values import (
+    F32,
+    F64,
+    I32,
+    INCH_M,
+    Library,
+    crosses,
+    distinct_places,
+    place_tree,
+    plain,
+    spacing,
+    wrap_angle,
+)
 
 Index = NDArray[np.intp]
 
@@ -64,16 +76,8 @@ class PlaceScore:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        tested = self.pictures > 0
-        return {
-            "places": self.places,
-            "pictures": self.pictures,
-            "log_score": self.score if tested else None,
-            "knowing_nothing": self.blind if tested else None,
-            "worse_than_nothing": self.worse_than_nothing,
-            "widening": self.widening,
-            "stretched": dict(self.stretched),
-        }
+        told = plain(self, "worse_than_nothing")
+        return {"log_score": told.pop("score"), "knowing_nothing": told.pop("blind"), **told}
 
 
 def even_spacing_m(nearest: NearestReference) -> float:

@@ -7,6 +7,7 @@ All of it is imported from this page: `from maurice_mcl.values import F64, Libra
 - `laser`: a scan of a planar laser, and the map that it is compared with
 - `map`, `session`, `library`: where the robot is, what it measured, the surveyed references, how near is near
 - `nearest`: which places are nearest, and where tables of that are kept
+- `plain`: results as plain values, which JSON has
 - `pose_sensor`: the seam for sensors of other packages
 - `records`: the values of one step
 """
@@ -19,6 +20,7 @@ from .laser import *
 from .library import *
 from .map import *
 from .nearest import *
+from .plain import *
 from .pose_sensor import *
 from .randomness import *
 from .records import *

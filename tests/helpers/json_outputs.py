@@ -95,11 +95,15 @@ def output_of(name: str) -> Any:
     words = [*WORDS[name].split(), "--json"]
     for status in (0, 1):
         try:
-            return json.loads(run(*words, expect=status).stdout)
+            return json.loads(run(*words, expect=status).stdout, parse_constant=_refused)
         except AssertionError:
             if status:
                 raise
     raise AssertionError
+
+
+def _refused(word: str) -> None:
+    raise ValueError(f"{word} is no JSON")
 
 
 def sample(value: Any) -> Any:

@@ -15,7 +15,7 @@ from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.scoring.demands import Demands
-from maurice_mcl.values import F64, Library
+from maurice_mcl.values import F64, Library, Plain
 
 from ...errors import SILENT, Listener, OptionError
 from ...running.run_spec import RunSpec
@@ -27,7 +27,7 @@ MOST_SEEDS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CheckResult:
+class CheckResult(Plain):
     """Whether a filter passed, drive by drive.
 
     >>> import maurice_viz as mv
@@ -36,16 +36,13 @@ class CheckResult:
     (True, ['localized by step 5', 'not lost from then on', 'mean error at most 0.3 m'])
     """
 
+    also = ("passed",)
     drives: tuple[DriveCheck, ...]
 
     @property
     def passed(self) -> bool:
         """Whether every drive passed."""
         return all(drive.passed for drive in self.drives)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON, lengths in meters."""
-        return {"passed": self.passed, "drives": [drive.to_json() for drive in self.drives]}
 
     def to_junit(self) -> str:
         """Return JUnit XML: a suite for each drive, a test case for each demand."""

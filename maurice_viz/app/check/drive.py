@@ -31,7 +31,7 @@ from maurice_mcl.scoring.demands import (
 )
 from maurice_mcl.scoring.metrics import LOCALIZED_OF
 from maurice_mcl.scoring.table import TableRows
-from maurice_mcl.values import Library, Moment
+from maurice_mcl.values import Library, Moment, plain
 
 from ...errors import Listener, OptionError
 from ...playback import FilterRun
@@ -101,18 +101,19 @@ class DriveCheck:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        return {
+        told = {
             "session": self.session,
-            "path": str(self.path),
+            "path": self.path,
             "passed": self.passed,
             "updates": len(self.steps),
             "configuration": self.made.configuration,
-            "demands": [demand.to_json() for demand in self.demands],
-            "against": [change.to_json() for change in self.changes],
+            "demands": self.demands,
+            "against": self.changes,
             "uncertain": self.doubts,
             "runs": [self._run(run) for run in self.runs],
-            "failure": None if self.failure is None else self.failure.to_json(),
+            "failure": self.failure,
         }
+        return plain(told)
 
     def _run(self, run: RunJudgement) -> dict[str, Any]:
         first = run.first_failed_at

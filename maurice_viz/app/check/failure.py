@@ -7,13 +7,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import write_whole
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.values import Library
+from maurice_mcl.values import Library, Plain
 
 from ...errors import Listener
 from ...playback import FilterRun, run_together, shared
@@ -38,7 +37,7 @@ class Replayed:
 
 
 @dataclass(frozen=True, slots=True)
-class FailedRun:
+class FailedRun(Plain):
     """One run that failed: why, and where that can be looked at."""
 
     seed: int
@@ -51,12 +50,6 @@ class FailedRun:
         """The diagnosis in lines."""
         why = self.diagnosis.text if self.diagnosis.failures else f"{self.diagnosis.text} {HARMLESS}"
         return f"seed {self.seed}, first failed at step {self.step}\n{why}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON."""
-        recording = None if self.recording is None else str(self.recording)
-        place = {"seed": self.seed, "step": self.step, "recording": recording}
-        return place | {"diagnosis": self.diagnosis.to_json()}
 
 
 def failed_run(

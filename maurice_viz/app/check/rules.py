@@ -10,7 +10,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +23,7 @@ from maurice_datasets.trials import statistics
 from maurice_datasets.trials.statistics import Interval
 from maurice_loaders.errors import InputError
 from maurice_mcl.scoring.demands import CONVERGED, ERROR, KEPT, LOCALIZED, Demands, RunJudgement, RunTrack
-from maurice_mcl.values import F64
+from maurice_mcl.values import F64, Plain
 
 from ...style import Scale
 
@@ -34,9 +34,10 @@ SAME_ERROR_M = 0.001  # a difference of mean errors below it is none: another ma
 
 
 @dataclass(frozen=True, slots=True)
-class DemandResult:
+class DemandResult(Plain):
     """One demand on all runs of a drive."""
 
+    also = ("rate", "passed", "is_certain")
     kind: str  # "localized", "not_lost", "error" or "converged"
     title: str  # "mean error at most 30 cm"
     found: str  # the figure behind it, in words
@@ -67,15 +68,12 @@ class DemandResult:
         runs = f"{self.met} of {self.runs} run{'s' * (self.runs > 1)}"
         return f"{self.title}: met by {runs}, {self.needed:.0%} needed; {self.found}"
 
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON."""
-        return asdict(self) | {"rate": self.rate, "passed": self.passed, "is_certain": self.is_certain}
-
 
 @dataclass(frozen=True, slots=True)
-class BaselineChange:
+class BaselineChange(Plain):
     """How a figure changed since a baseline, over the same seeds."""
 
+    also = ("passed",)
     title: str
     kind: str
     before: float
@@ -91,10 +89,6 @@ class BaselineChange:
         """Whether nothing shows that it grew worse: an error that grew, or a rate that fell."""
         worse = self.difference > SAME_ERROR_M if self.kind == ERROR else self.difference < -ROUNDING
         return not (worse and self.p < WORSE_P)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON: meters, or rates from 0 to 1."""
-        return asdict(self) | {"passed": self.passed}
 
 
 def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale) -> tuple[DemandResult, ...]:

@@ -48,8 +48,10 @@ def note(text: str) -> None:
 
 
 def print_json(value: object) -> None:
-    """Print a result as JSON; paths are texts."""
-    text = json.dumps(value, default=str, ensure_ascii=False, indent=2)
+    """Print a result as JSON, see `plain_value`."""
+    from maurice_mcl.values import plain_value  # loads numpy, which help does without
+
+    text = json.dumps(plain_value(value), ensure_ascii=False, indent=2)
     escaped = CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)  # those that JSON itself leaves
     results.print(JSONHighlighter()(escaped), soft_wrap=True)
 
