@@ -46,7 +46,6 @@ from .parameters import (
     configure,
 )
 
-EMPTY: Mapping[str, PoseSensor] = {}
 TRACKED_M = 0.3  # on a map, whose places are no references: see `GuidedProposal.reach_m`
 
 
@@ -99,14 +98,16 @@ def make_localizer(
         nearest = reference_of(library)
         configuration, missing = available(configure(layers, library.sensors), library)
         parameters = adapted(configuration, library, nearest)[0].parameters
-        localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed, sensors=objects)
+        localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
     if missing:
         warnings.warn(
             _without(library, missing), stacklevel=3
         )  # of the caller: between is the check of the front page
-    return localizer
+    sensor = replace(localizer.sensor, sensors={**localizer.sensor.sensors, **objects})
+    proposal = _proposal(sensor, localizer.reference, localizer.regions, parameters)
+    return replace(localizer, sensor=sensor, proposal=proposal)
 
 
 def _without(library: Library, missing: Sequence[str]) -> str:
@@ -175,12 +176,10 @@ def build_localizer(
     seed: int = 0,
     radii: Radii | None = None,
     sensor: SensorModel | None = None,
-    sensors: Mapping[str, PoseSensor] = EMPTY,
 ) -> Localizer:
     """Build the localizer that some parameters describe.
 
-    `reference`, that of the library's own map, and `sensor` can be shared. `sensors` are used beside
-    those that have a weight.
+    `reference`, that of the library's own map, and `sensor` can be shared.
 
     The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
     radii, unless they are known (those of a saved run), are derived from the library.
@@ -195,7 +194,6 @@ def build_localizer(
     motion = session.info.motion if p.motion is None and session is not None else p.motion
     unknown = p.motion is None and session is None
     sensor = _sensor(library, nearest, p) if sensor is None else sensor
-    sensor = replace(sensor, sensors={**sensor.sensors, **sensors}) if sensors else sensor
     return Localizer(
         library=library,
         reference=nearest,

@@ -5,7 +5,7 @@ the robot moved since the frame before, where the sensor alone would put the rob
 before agree. Poses where the cloud is not are for the mixture proposal; toward one that it tracks, some of
 the particles are guided.
 
-Guided motion: where motion noise is widening beside what a sensor knows, most particles land where the
+Guided motion: where motion noise is wide beside what a sensor knows, most particles land where the
 likelihood is nearly zero. Here some of them draw their noise from what it is likely to have been, given the
 proposed pose: the improved proposal of FastSLAM 2.0 (Montemerlo et al. 2003), which is the optimal importance
 function of Doucet et al. (2000) for a motion model that is linear in its noise. The draws are those of a
@@ -23,26 +23,13 @@ from typing import Annotated
 
 import numpy as np
 
-from ..values import (
-    DOUBTFUL_NATS,
-    F64,
-    Belief,
-    Comparison,
-    Earlier,
-    Frame,
-    MeasuredMovement,
-    Past,
-    PoseProposal,
-    PoseSensor,
-    Sensed,
-    StepRecord,
-    compose_motions,
-    motion_between,
-    number,
-    wrap,
-    wrap_angle,
-)
+from ..values.arrays import F64
+from ..values.geometry import compose_motions, motion_between, wrap, wrap_angle
+from ..values.pose_sensor import DOUBTFUL_NATS, Earlier, MeasuredMovement, PoseProposal, PoseSensor, Sensed
 from ..values.randomness import Purpose
+from ..values.records import Belief, Comparison, Past, StepRecord
+from ..values.session import Frame
+from ..values.setting_rules import number
 from .motion import measured_motion, widths
 from .proposal import (
     LEAST_VARIANCE,
@@ -56,7 +43,7 @@ from .proposal import (
 
 TRACKED_SHARE = 0.01  # of the weight near a mode: with as much, the cloud tracks it by itself
 TRACKED_RAD = np.pi / 6
-KEPT_UPDATES = 40  # updates
+KEPT_UPDATES = 40
 # Where two estimates differ from odometry by less, their difference is the better measure of the movement.
 SAME_M, SAME_RAD = 0.3, 0.2
 JUMP_M = 2.0  # an estimate that moved so much farther than the robot is that of another place
@@ -256,7 +243,8 @@ def guided_motion(prediction: Prediction, pose: F64, covariance: F64, share: flo
     The correction is the log of the predicted over the proposal density. `covariance` is (3, 3).
     """
     before, rng = prediction.before, prediction.rng(Purpose.GUIDE)
-    normals = np.concatenate(prediction.by_movement(prediction.normals), axis=1, dtype=np.float64)
+    by_movement = np.split(prediction.normals, len(prediction.frame.motions))
+    normals = np.concatenate(by_movement, axis=1, dtype=np.float64)
     outliers = [widths(before.size, prediction.outliers, rng) for rng in prediction.outlier_rngs()]
     widening = np.repeat(np.stack(outliers, axis=1), 3, axis=1)  # (N, 3 M), more than 1 for outliers
     still, by_noise = _linearized(prediction, widening)

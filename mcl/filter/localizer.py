@@ -8,7 +8,7 @@ and a frame and returns the next state and a record of the update. A frame does 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
@@ -26,6 +26,7 @@ from ..values.randomness import Domain, Purpose, normals, stream
 from ..values.records import (
     Belief,
     Comparison,
+    Estimate,
     FilterState,
     RecoveryState,
     StepRecord,
@@ -121,38 +122,19 @@ class Localizer:
         prediction = self.predict(state.belief, frame)
         proposed = self.proposal.propose(prediction, comparison, state.past)
         watch.lap("propose")
-        weighting = Weighting.of(proposed, self.sensor.at(comparison, proposed.belief.poses))
+        weighting = self._weigh(proposed, comparison)
         left = weighting.is_outside and self._is_inside(state.belief)
         if left:
             weighting = self._kept_in(prediction, comparison)
-        evidence, by_channel = weighting.calibrated_evidence()
         watch.lap("weight")
-        estimate, mean_estimate = estimates(weighting.belief, self.radii)
+        both = estimates(weighting.belief, self.radii)
         watch.lap("estimate")
-        recovery = self._decide(weighting, evidence, left, state.recovery)
+        recovery = self._decide(weighting, left, state.recovery)
         resampled = self.resample(weighting.belief, recovery, frame.step)
         watch.lap("resample")
         recovered = self.recover(resampled, recovery, comparison, frame.step)
         watch.lap("recover")
-        record = StepRecord(
-            frame=frame,
-            predicted=weighting.proposed.belief,
-            sighting=weighting.sighting,
-            weighted=weighting.belief,
-            estimate=estimate,
-            mean_estimate=mean_estimate,
-            effective_sample_size=effective_sample_size(weighting.belief.log_weights),
-            log_evidence=weighting.log_evidence,
-            calibrated_evidence=evidence,
-            channel_evidence=by_channel,
-            parents=recovered.parents,
-            injected=recovered.injected,
-            belief=recovered.belief,
-            events=_events(weighting, left, recovery, recovered),
-            took_s=watch.took_s,
-            recovery_test=recovery.test,
-            library_evidence=comparison.library_evidence,
-        )
+        record = _record(frame, weighting, left, both, recovery, recovered, watch.took_s)
         past = self.proposal.keep(record, weighting.proposed.movement, state.past)
         return FilterState(frame.step, recovered.belief, recovery.state, past), record
 
@@ -165,23 +147,25 @@ class Localizer:
         """Return how the particles of a belief move in a frame."""
         return Prediction(belief, frame, self.motion, self.outliers, self.seed)
 
+    def _weigh(self, proposed: ProposedParticles, comparison: Comparison) -> Weighting:
+        return Weighting.of(proposed, self.sensor.at(comparison, proposed.belief.poses))
+
     def _kept_in(self, prediction: Prediction, comparison: Comparison) -> Weighting:
         """Weigh particles that would all drive out of the map where they were: each turns by itself."""
         # not those that were proposed: a mixture changes which particle is which
-        stayed = ProposedParticles(keep_in(prediction.before, prediction.belief))
-        return Weighting.of(stayed, self.sensor.at(comparison, stayed.belief.poses))
+        return self._weigh(ProposedParticles(keep_in(prediction.before, prediction.belief)), comparison)
 
     def _is_inside(self, belief: Belief) -> bool:
         """Return whether a particle with any weight is in free space."""
         inside = self.reference.entries(belief.poses, belief.origin) >= 0
         return bool((inside & np.isfinite(belief.log_weights)).any())
 
-    def _decide(self, weighting: Weighting, evidence: float, left: bool, before: RecoveryState) -> Recovery:
+    def _decide(self, weighting: Weighting, left: bool, before: RecoveryState) -> Recovery:
         """Ask the recovery strategy, unless no picture tells whether the cloud is lost."""
         if not (left or weighting.references_speak()):
             return Recovery(0.0, before)
         comparison = weighting.sighting.comparison
-        given = self.recovery.evidence(evidence, weighting.log_evidence, comparison)
+        given = self.recovery.evidence(weighting.evidence, weighting.log_evidence, comparison)
         return self.recovery.strategy(usable_evidence(given, left), before)
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
@@ -205,7 +189,15 @@ class Localizer:
         return stream(Domain.FILTER, self.seed, step, purpose, child)
 
 
-def _events(weighting: Weighting, left: bool, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:
+def _record(
+    frame: Frame,
+    weighting: Weighting,
+    left: bool,
+    both: tuple[Estimate, Estimate],
+    recovery: Recovery,
+    recovered: Resampled,
+    took_s: Mapping[str, float],
+) -> StepRecord:
     happened = {
         GUIDED: weighting.proposed.is_guided,
         LEFT_MAP: left,
@@ -215,7 +207,25 @@ def _events(weighting: Weighting, left: bool, recovery: Recovery, recovered: Res
         RESEEDED: recovered.injected is not None,
         EXPANDED: recovery.expand,
     }
-    return tuple(event for event, true in happened.items() if true)
+    return StepRecord(
+        frame=frame,
+        predicted=weighting.proposed.belief,
+        sighting=weighting.sighting,
+        weighted=weighting.belief,
+        estimate=both[0],
+        mean_estimate=both[1],
+        effective_sample_size=effective_sample_size(weighting.belief.log_weights),
+        log_evidence=weighting.log_evidence,
+        calibrated_evidence=weighting.evidence,
+        channel_evidence=weighting.by_channel,
+        parents=recovered.parents,
+        injected=recovered.injected,
+        belief=recovered.belief,
+        events=tuple(event for event, true in happened.items() if true),
+        took_s=took_s,
+        recovery_test=recovery.test,
+        library_evidence=weighting.sighting.comparison.library_evidence,
+    )
 
 
 @dataclass(slots=True)

@@ -93,7 +93,8 @@ class MauriceMotion:
 
     def _drift(self, xy: F32, origin: F64, distance_m: float, noise: F32) -> F32:
         """Return the drift (N,) in radians over a distance (below 0 backward) by the floor under each."""
-        bias, sd = self._per_m * distance_m + self._per_straight * math.copysign(1, distance_m)
+        per_m, per_straight = self._by_floor
+        bias, sd = per_m * distance_m + per_straight * math.copysign(1, distance_m)
         bias, sd = bias.astype(np.float32), sd.astype(np.float32)
         if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
@@ -104,19 +105,12 @@ class MauriceMotion:
         return drift
 
     @cached_property
-    def _per_m(self) -> F64:
-        """Bias and sd (2, floors) of the drift in radians per meter."""
-        return np.array([[f.bias_rad_per_m, f.sd_rad_per_m] for f in self._drifts]).T
-
-    @cached_property
-    def _per_straight(self) -> F64:
-        """Bias and sd (2, floors) of the drift in radians per straight."""
-        return np.array([[f.bias_rad, f.sd_rad] for f in self._drifts]).T
-
-    @property
-    def _drifts(self) -> list[FloorDrift]:
+    def _by_floor(self) -> F64:
+        """Bias and sd of the drift (2, 2, floors): in radians per meter, and per straight."""
         others = self.parameters.drift.get("", FloorDrift())
-        return [self.parameters.drift.get(name) or others for name in self.grid.floors]
+        drifts = [self.parameters.drift.get(name) or others for name in self.grid.floors]
+        values = [[(f.bias_rad_per_m, f.sd_rad_per_m), (f.bias_rad, f.sd_rad)] for f in drifts]
+        return np.array(values).transpose(1, 2, 0)
 
     @cached_property
     def _floor_of(self) -> NDArray[np.intp]:

@@ -20,27 +20,14 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..sensor.references import HEADING_BINS, NearestReference
-from ..values import (
-    F32,
-    F64,
-    I32,
-    SHARE,
-    Belief,
-    Comparison,
-    Earlier,
-    Frame,
-    Grid,
-    MeasuredMovement,
-    Past,
-    PoseProposal,
-    Sensed,
-    StepRecord,
-    number,
-    uniform_log_weights,
-    wrap,
-    wrap_angle,
-)
+from ..values.arrays import F32, F64, I32
+from ..values.geometry import wrap, wrap_angle
+from ..values.map import Grid
+from ..values.pose_sensor import Earlier, MeasuredMovement, PoseProposal, Sensed
 from ..values.randomness import Domain, Purpose, normals_at, stream, words_at
+from ..values.records import Belief, Comparison, Past, StepRecord, uniform_log_weights
+from ..values.session import Frame
+from ..values.setting_rules import SHARE, number
 from .motion import MotionModel, MotionOutliers, with_outliers
 from .resampling import systematic
 
@@ -254,7 +241,7 @@ class Prediction:
         noise, poses = self.normals, self.before.poses
         if self.outliers.share > 0:
             noise = with_outliers(noise, self.outliers, *self.outlier_rngs())
-        for movement, drawn in enumerate(self.by_movement(noise)):
+        for movement, drawn in enumerate(np.split(noise, len(self.frame.motions))):
             poses = self.move(movement, poses, drawn)
         return Belief(poses, self.before.log_weights, self.before.origin)
 
@@ -264,11 +251,6 @@ class Prediction:
         address = (Domain.FILTER, self.seed, self.frame.step, Purpose.MOTION)
         words = [words_at(*address, movement) for movement in range(len(self.frame.motions))]
         return normals_at(words, self.before.size)
-
-    def by_movement(self, noise: F32) -> list[F32]:
-        """Split noise (M N, 3) into that of each movement (N, 3)."""
-        n = self.before.size
-        return [noise[first : first + n] for first in range(0, len(noise), n)]
 
     def move(self, movement: int, poses: F32, noise: F32) -> F32:
         """Return poses (N, 3) after the movement of this number, with the noise (N, 3) of each.

@@ -22,11 +22,14 @@ class Weighting:
     sighting: Sighting
     belief: Belief
     log_evidence: float  # log p(o_t | past); -inf: no particle has any weight, and the belief is the prior
+    evidence: float  # calibrated, of all sensors
+    by_channel: F64  # (C,) the same of each channel alone
 
     @classmethod
     def of(cls, proposed: ProposedParticles, sighting: Sighting) -> Weighting:
         """Weigh particles by what they would see."""
-        return cls(proposed, sighting, *weigh(proposed, sighting.log_likelihood))
+        weighted = weigh(proposed, sighting.log_likelihood)
+        return cls(proposed, sighting, *weighted, *calibrated_evidence(proposed, sighting))
 
     @property
     def is_broken(self) -> bool:
@@ -43,23 +46,6 @@ class Weighting:
         known, weights = self.sighting.known, np.exp(self.proposed.prior_log_weights)
         return known is None or float(weights @ known) >= KNOWN_SHARE * float(weights.sum())
 
-    def calibrated_evidence(self) -> tuple[float, F64]:
-        """Return the log mean of exp(-cost) over the cloud: of all sensors, and of each channel (C,)."""
-        sighting, prior = self.sighting, self.proposed.prior_log_weights
-        comparison, known = sighting.comparison, sighting.known
-        if not comparison.channels and known is None and sighting.sensed is not None:
-            inside = np.exp(prior + sighting.sensed).compress(
-                sighting.entries >= 0
-            )  # no reference says anything
-            total = inside.sum()
-            return float(np.log(total)) if total else -np.inf, np.zeros(0)
-        weights = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost), known)
-        by_channel = log_mean_likelihood(comparison.channels_explained, weights)
-        if sighting.sensed is not None:
-            sensed = np.exp(prior + sighting.sensed)
-            weights = entry_weights(sensed, sighting.entries, len(comparison.cost), known)
-        return float(log_mean_likelihood(comparison.explained_by_channels, weights)[0]), by_channel
-
 
 def weigh(proposed: ProposedParticles, log_likelihood: F32) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
@@ -71,6 +57,21 @@ def weigh(proposed: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
     if not np.isfinite(log_evidence):
         return proposed.belief, -np.inf
     return Belief(proposed.belief.poses, posterior, proposed.belief.origin), log_evidence
+
+
+def calibrated_evidence(proposed: ProposedParticles, sighting: Sighting) -> tuple[float, F64]:
+    """Return the log mean of exp(-cost) over the cloud: of all sensors, and of each channel (C,)."""
+    comparison, prior, known = sighting.comparison, proposed.prior_log_weights, sighting.known
+    if not comparison.channels and known is None and sighting.sensed is not None:
+        inside = np.exp(prior + sighting.sensed).compress(sighting.entries >= 0)  # no reference says anything
+        total = inside.sum()
+        return float(np.log(total)) if total else -np.inf, np.zeros(0)
+    weights = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost), known)
+    by_channel = log_mean_likelihood(comparison.channels_explained, weights)
+    if sighting.sensed is not None:
+        sensed = np.exp(prior + sighting.sensed)
+        weights = entry_weights(sensed, sighting.entries, len(comparison.cost), known)
+    return float(log_mean_likelihood(comparison.explained_by_channels, weights)[0]), by_channel
 
 
 def usable_evidence(evidence: float, left: bool) -> float:
