@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .sessions import simulate as simulate
+    from .sessions import simulation_plan as simulation_plan
     from .surveys import survey as survey
     from .trials.engine import run_plan as run_plan
     from .trials.plan import read_plan as read_plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -44,75 +44,66 @@ from .worlds.world import World
 
 
 def simulation_plan(
-    task: str = "tracking", *, lights: str = "", slip_at: str = "", **settings: Any
+    task: str = "tracking",
+    *,
+    world: str | Path = "two-rooms",
+    lights: str = "",
+    slip_at: str = "",
+    recording: str | Path | None = None,
+    **settings: Any,
 ) -> SimulationPlan:
-    """Return a checked plan from plain values; see `simulate`. InputError for what no session can be."""
+    """Return what a simulated drive depends on; InputError for what no drive can be.
+
+    `task` is tracking, global or kidnapped (thesis 1), `world` a name or a TOML file; `lights` is as in
+    docs/simulate.md, `slip_at` an update or a range like 34-37 at which the wheels spin; the path of a
+    `recording` with truth is followed. `settings` are other fields of `SimulationPlan`: `tier` (nominal, dim
+    or hard), `arena_seed` (textures, furniture, lights and the survey), `seed` (the drive and its noise),
+    `updates`, `kidnap_at` (halfway), `moved` pieces of furniture, `people` in so many percent of the
+    pictures, `gain` (fixed or auto), `half_resolution`, and `laser`, in place of the camera.
+
+        >>> import maurice_datasets as md
+        >>> md.simulation_plan("kidnapped", seed=3, updates=40).task.name
+        'kidnapped'
+    """
     if task not in TASKS:
         raise InputError(None, f"found task {task!r}, {expected_one_of(task, TASKS)}")
+    unknown = [name for name in settings if name not in SIMULATED]
+    if unknown:
+        raise InputError(None, f"found the setting {unknown[0]!r}, {expected_one_of(unknown[0], SIMULATED)}")
     try:
         changes, slips = parse_lights(lights), parse_span(slip_at)
-        return SimulationPlan(task=TASKS[task], lights=changes, slip_at=slips, **settings)
+        followed = None if recording is None else Path(recording)
+        seen = {"lights": changes, "slip_at": slips, **settings}
+        return SimulationPlan(TASKS[task], str(world), recording=followed, **seen)
     except (TypeError, ValueError) as problem:
         raise InputError(None, str(problem)) from None
 
 
+SIMULATED = tuple(each.name for each in fields(SimulationPlan))
+
+
 def simulate(
-    task: str,
+    plan: SimulationPlan | str,
     to: str | Path,
     *,
-    world: str | Path = "two-rooms",
-    tier: str = "nominal",
-    seed: int = 0,
-    arena_seed: int = 0,
-    updates: int = UPDATES,
-    kidnap_at: int | None = None,
-    slip_at: str = "",
-    lights: str = "",
-    moved: int = 0,
-    people: int = 0,
-    gain: str = "fixed",
-    half_resolution: bool = False,
-    laser: bool = False,
-    motion_from: str | Path | None = None,
     force: bool = False,
     progress: NamedProgress | None = None,
 ) -> SimulationPaths:
     """Drive the simulated Maurice; write its session and survey into a new folder, atomically.
 
-    `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
-    textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
-    update (default: halfway), `slip_at` an update or a range like 34-37 at which the wheels spin, `lights`
-    as in docs/simulate.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
-    with people in view, `gain` fixed or auto.
-    `laser` gives the robot a laser in place of its camera, and a map in place of the survey.
-    `motion_from` follows the path of a session log with truth, with its recorded odometry.
+    `plan` is a `simulation_plan`, or its task: tracking, global or kidnapped.
 
-    Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
-    holds something (`force` replaces an earlier simulation), and for a full disk.
+    Returns the paths of both logs. Raises InputError for a folder that holds something (`force` replaces an
+    earlier simulation), and for a full disk.
 
         >>> import maurice_datasets as md
-        >>> paths = md.simulate("tracking", to="drive", updates=2)  # doctest: +SKIP
+        >>> plan = md.simulation_plan("tracking", updates=2)
+        >>> paths = md.simulate(plan, to="drive")  # doctest: +SKIP
         >>> paths.session  # doctest: +SKIP
         PosixPath('drive/session.log')
     """
-    plan = simulation_plan(
-        task,
-        world=str(world),
-        tier=tier,
-        seed=seed,
-        arena_seed=arena_seed,
-        updates=updates,
-        kidnap_at=kidnap_at,
-        slip_at=slip_at,
-        lights=lights,
-        moved=moved,
-        people=people,
-        gain=gain,
-        half_resolution=half_resolution,
-        laser=laser,
-        recording=None if motion_from is None else Path(motion_from),
-    )
-    return write_simulation(Path(to), plan, force=force, progress=progress)
+    asked = simulation_plan(plan) if isinstance(plan, str) else plan
+    return write_simulation(Path(to), asked, force=force, progress=progress)
 
 
 def session_info(set_up: Stage) -> SessionInfo:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .libraries.landmarks import with_landmarks as with_landmarks
     from .libraries.store import build_library as build_library
     from .libraries.store import open_library as open_library
-    from .reading.options import ReadingOptions as ReadingOptions
+    from .reading.options import Reading as Reading
     from .reading.options import read_reading as read_reading
     from .reading.options import write_reading as write_reading
     from .runs.store import open_run as open_run

@@ -15,7 +15,7 @@ from maurice_mcl.config.parameters import (
     flatten,
 )
 from maurice_mcl.filter.motion import MOTION_MODELS
-from maurice_mcl.values import POSE_SENSORS, expected_one_of
+from maurice_mcl.values import POSE_SENSORS, expected_one_of, is_own
 
 from .amcl import read_amcl
 from .errors import InputError
@@ -93,6 +93,8 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
     if motion is None:
         return
     model = motion.get("model", "maurice")
+    if isinstance(model, str) and is_own(model):
+        return
     if not isinstance(model, str) or model not in MOTION_MODELS:
         raise InputError(file, f"motion.model: found {model!r}, {expected_one_of(model, MOTION_MODELS)}")
     try:
@@ -165,7 +167,8 @@ def _value(value: Any) -> str:
 def motion_file(settings: Mapping[str, Any]) -> Path | None:
     """Return the file of motion parameters that the setting `motion` names; None where it names none."""
     motion = settings.get("motion")
-    return Path(motion) if isinstance(motion, (str, Path)) else None
+    is_named = isinstance(motion, Path) or (isinstance(motion, str) and not is_own(motion))
+    return Path(str(motion)) if is_named else None
 
 
 def read_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

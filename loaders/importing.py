@@ -18,7 +18,7 @@ from .files.text import show
 from .files.writing import FolderKind, new_folder
 from .formats.picture_folder import open_table
 from .formats.video import ENDINGS as VIDEOS
-from .reading.options import ReadingOptions
+from .reading.options import Reading
 from .reading.recording import Picture, Record, Recording, RecordingWrapper, TruthPose, checked
 from .reading.session import RecordedSession, with_stated_view
 from .reading.transforms import MadeOdometry, corrected
@@ -119,7 +119,7 @@ def import_pictures(
     pictures: Path | str,
     poses_csv: Path,
     out: Path,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     *,
     map_lines: Path | None = None,
     map_unit: str = "mm",
@@ -134,7 +134,7 @@ def import_pictures(
     plus noise. InputError for bad files, poses too far apart, a split that leaves nothing, or an `out` that
     exists.
     """
-    options = replace(reading or ReadingOptions(), table=poses_csv)
+    options = replace(reading or Reading(), table=poses_csv)
     table = open_table(_existing(pictures), options)
     recording = corrected(table, options)
     rows = read_rows(recording)

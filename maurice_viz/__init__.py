@@ -22,6 +22,7 @@
 | `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
 | `calibrate_drive` | the noise of the odometry, from drives with truth |
 | `calibrate_motion`, `calibrate_noise` | constants of robot and camera from trials, and their figures |
+| `Filter`, `Reading`, `Output`, `Demands` | what is asked for, as values |
 | `trials_report` | a page about trials: what every variant reached, and where on the floor runs go wrong |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
@@ -45,6 +46,19 @@ from typing import TYPE_CHECKING
 from maurice_mcl.errors import front_page
 
 if TYPE_CHECKING:
+    from maurice_loaders.errors import InputError as InputError
+    from maurice_loaders.formats.registry import open_session as open_session
+    from maurice_loaders.libraries.store import open_library as open_library
+    from maurice_loaders.reading.options import Reading as Reading
+    from maurice_loaders.runs.store import open_run as open_run
+    from maurice_mcl.filter.motion import RobotMotion as RobotMotion
+    from maurice_mcl.filter.recovery import Recovery as Recovery
+    from maurice_mcl.scoring.demands import Demands as Demands
+    from maurice_mcl.values.pose_sensor import PoseSensor as PoseSensor
+    from maurice_mcl.values.pose_sensor import PoseSpread as PoseSpread
+    from maurice_mcl.values.pose_sensor import Shown as Shown
+    from maurice_mcl.values.records import RecoveryState as RecoveryState
+
     from .app.budget import error_budget as error_budget
     from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
@@ -76,8 +90,9 @@ if TYPE_CHECKING:
     from .notebook import traces as traces
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
+    from .running.filters import Filter as Filter
     from .running.live import LiveOptions as LiveOptions
-    from .running.output import OutputOptions as OutputOptions
+    from .running.output import Output as Output
     from .running.run import RunScores as RunScores
     from .running.verify import verify as verify
 

@@ -24,7 +24,8 @@ from .app.replay import replay
 from .app.snapshot import draw_saved
 from .entities import STEP
 from .errors import SILENT, Listener
-from .running.output import OutputOptions, decisive_step_of, verdict_of
+from .running.filters import AnyFilter
+from .running.output import Output, decisive_step_of, verdict_of
 from .running.saved_steps import Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.summary import to_json
@@ -45,17 +46,14 @@ def show(
     layout: str | None = None,
     width: Side = WIDTH,
     height: Side = HEIGHT,
-    feature: str | None = None,
-    preset: str | None = None,
-    particles: int | None = None,
-    seed: int = 0,
+    filter: AnyFilter = None,  # noqa: A002
     listener: Listener = SILENT,
 ) -> None:
     """Show a saved run, a recording (.rrd) or a session log in Rerun's widget, below the cell.
 
     The verdict, one line that says what happened, stands above the viewer. `layout` names the tab to begin
-    with, for all but a recording, which has its own. `feature`, `preset`, `particles` and `seed` are for a
-    session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
+    with, for all but a recording, which has its own. `filter` is that of a session log, which is replayed.
+    ImportError without the extra `notebook`; InputError for bad files.
 
         >>> import maurice_viz as mv
         >>> mv.show("my-run", layout="traces")  # doctest: +SKIP
@@ -70,16 +68,8 @@ def show(
         if path.is_dir() and session_in(path) == path:
             draw_saved(path, recording, layout, listener)
         else:
-            shown = OutputOptions(rrd=recording, headless=True, layout=layout, is_temporary=True)
-            replay(
-                path,
-                feature=feature,
-                preset=preset,
-                particles=particles,
-                seed=seed,
-                output=shown,
-                listener=listener,
-            )
+            shown = Output(recording, layout=layout, is_temporary=True)
+            replay(path, filter=filter, output=shown, listener=listener)
         _display(recording, width, height)
 
 

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from .examples import tiny_session as tiny_session
     from .filter.localizer import Localizer as Localizer
     from .filter.localizer import run as run
+    from .filter.motion import RobotMotion as RobotMotion
+    from .filter.recovery import Recovery as Recovery
+    from .scoring.demands import Demands as Demands
     from .scoring.episodes import table as table
     from .scoring.metrics import RunScore as RunScore
     from .scoring.metrics import score as score
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from .values.pose_sensor import ShownMarks as ShownMarks
     from .values.records import Belief as Belief
     from .values.records import FilterState as FilterState
+    from .values.records import RecoveryState as RecoveryState
     from .values.records import StepRecord as StepRecord
     from .values.session import Frame as Frame
     from .values.session import Moment as Moment

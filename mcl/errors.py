@@ -51,7 +51,7 @@ def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
 
 
 FrontPage = tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]
-_SHOWN = re.compile(r"^    from (\.[\w.]+) import (\w+) as \2$", re.MULTILINE)
+_SHOWN = re.compile(r"^    from ([\w.]+) import (\w+) as \2$", re.MULTILINE)
 
 
 def front_page(package: str) -> FrontPage:
@@ -120,7 +120,7 @@ def by_parameters(text: str) -> str:
     >>> by_parameters("name one with --library; maurice-replay inspect --json")
     'name one with library=; maurice-replay inspect --json'
     >>> by_parameters("give --reading plane=xz")
-    'give reading=ReadingOptions(plane=xz)'
+    'give reading=Reading(plane=xz)'
     """
     return _OPTION.sub(_parameter, text)
 
@@ -128,7 +128,7 @@ def by_parameters(text: str) -> str:
 def _parameter(match: re.Match[str]) -> str:
     key, value, option = match.groups()
     if key is not None:
-        return f"reading=ReadingOptions({key}={value})"
+        return f"reading=Reading({key}={value})"
     return match[0] if option is None else f"{PARAMETERS.get(option, option.replace('-', '_'))}="
 
 

@@ -154,7 +154,7 @@ assert dict(configure([weights]).parameters.sensor.weights) == {"lightness": 1}
 drive, out = Path(sys.argv[1]), Path("out.rrd")
 Path("path.two").write_text("".join(f"{t} {t / 10} 0 0 0 0 0 1\\n" for t in range(5)))
 assert mv.inspect("path.two").format == "two"
-mv.replay(drive, feature="lightness", particles=20, to=out, save_run="run")
+mv.replay(drive, filter=mv.Filter("lightness", particles=20), to=out, save_run="run")
 assert b"clock" in out.read_bytes()
 shown = RunView.of("run", localizer), Scene(session.info, library, has_truth=True)
 assert tabs_of([shown[0]], shown[1])[1][-1] == "more"  # where views of panels' own are seen

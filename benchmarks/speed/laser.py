@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.sessions import simulate
+from maurice_datasets.sessions import simulate, simulation_plan
 from maurice_datasets.trials.drives import Drive, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 
@@ -39,7 +39,9 @@ def _table(folder: Path, updates: int, rounds: int) -> Table:
     path = os.environ.get("LASER_LOG", "")
     if not path:
         path = str(
-            simulate("tracking", folder / "drive", world="office", updates=updates, laser=True).session
+            simulate(
+                simulation_plan("tracking", world="office", updates=updates, laser=True), folder / "drive"
+            ).session
         )
     drive = open_drive(SessionSpec("laser", path=path, mapped="all"), 0)
     moments = list(drive.session.moments())[:updates]

@@ -34,7 +34,7 @@ from maurice_loaders.doctor.scans_on_map import examine_map
 from maurice_loaders.export.ros_messages import Messages, message_types
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl import make_localizer
 from maurice_mcl.config.parameters import ALPHAS
 from maurice_mcl.reasons.causes import START
@@ -42,7 +42,7 @@ from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.values import F64, LaserScan, Library, OccupancyMap
 
 SEEDS, UPDATES, SIZES = (81, 82, 83), 40, 3
-USUAL = ReadingOptions()
+USUAL = Reading()
 Planted = tuple[RecordedDrive, RecordedScans]
 
 

@@ -24,8 +24,8 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.reasons.second_opinion import UNUSED, WIDENED, SecondOpinion, recalibrated
 from maurice_mcl.scoring.metrics import score_step
 from maurice_mcl.values.arrays import F64
+from maurice_viz.running.filters import Filter
 from maurice_viz.running.open import make_runs
-from maurice_viz.running.run_spec import RunSpec
 
 PRESETS = ("robust", "precise", None)
 BINS = (0.0, 0.1, 0.5, 0.9, 1.01)
@@ -48,7 +48,7 @@ def judge(name: str, library: Path, drive: Path, seeds: int) -> Iterator[Judged]
     """Yield the runs of all presets over a drive."""
     for preset, start, seed in product(PRESETS, ("truth", "global"), range(seeds)):
         session = _session(drive, seed)
-        (run,) = make_runs(session, open_library(library), [RunSpec(preset=preset, start=start)])
+        (run,) = make_runs(session, open_library(library), [Filter(preset=preset, start=start)])
         opinion, rows = SecondOpinion.of(run.localizer.of_session(session)), list[tuple[float, ...]]()
         for moment, record in mcl.run(run.localizer, session, run.start):
             said, score = opinion.add(record), score_step(record.estimate, moment.truth)

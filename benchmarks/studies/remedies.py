@@ -92,7 +92,12 @@ def judged(which: str, kind: str, number: int) -> Row:
         try:
             session = write_planted(run, where)
             own = {key: value for key, value in run.planting.settings.items() if key != MOTION}
-            mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, save_run=saved)
+            mv.replay(
+                session,
+                where / LIBRARY,
+                filter=mv.Filter(settings=own, seed=run.localizer.seed),
+                save_run=saved,
+            )
             possible, _ = candidates(open_branch(saved))
             names = [remedy.name for remedy in possible if remedy.name not in SLOW]
             tried = mv.remedies(saved, seeds=SEEDS, names=names)

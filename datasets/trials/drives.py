@@ -15,7 +15,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import motion_model
@@ -136,7 +136,7 @@ def open_drive(spec: SessionSpec, seed: int) -> Drive:
 
 @lru_cache(1)
 def _recorded(spec: SessionSpec) -> Drive:
-    session = open_session(spec.path, ReadingOptions(odometry_from_truth=spec.odometry_from_truth))
+    session = open_session(spec.path, Reading(odometry_from_truth=spec.odometry_from_truth))
     start = None if spec.start else session.info.start
     library = open_library(_library_of(session, spec.path, spec.library))
     return Drive(session, start, Bench.of(library, session.info), None)
@@ -159,7 +159,7 @@ def _part(spec: SessionSpec, seed: int) -> Drive:
 @lru_cache(1)
 def _cut(path: str, library: str, mapped: str, made: bool) -> tuple[SessionInfo, Bench, Stretches]:
     """Return what the stretches of a recording share; with `made` its odometry is made from the truth."""
-    session = open_session(path, ReadingOptions(odometry_from_truth=made))
+    session = open_session(path, Reading(odometry_from_truth=made))
     moments = [moment for moment in session.moments() if moment.truth is not None]
     if not moments:
         raise InputError(None, f"{path}: found no true pose, and parts of a recording need some")
@@ -174,7 +174,7 @@ def _cut(path: str, library: str, mapped: str, made: bool) -> tuple[SessionInfo,
 
 def _map_of(path: str, until_s: float) -> OccupancyMap:
     """Return a map of all scans with true poses before a time, also of those that no update uses."""
-    every = open_session(path, ReadingOptions(min_distance_m=0.0, min_angle_rad=0.0)).moments()
+    every = open_session(path, Reading(min_distance_m=0.0, min_angle_rad=0.0)).moments()
     before = takewhile(lambda moment: moment.frame.time_s < until_s, every)
     posed = ((moment.frame.scan, moment.truth) for moment in before)
     try:

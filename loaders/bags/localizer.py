@@ -20,7 +20,7 @@ from maurice_mcl.values import F64, U8, Arena, LaserScan, SessionInfo, open_aren
 
 from ..errors import InputError, ReadingNotes
 from ..files.maps import arena_of_message, occupancy_of_message
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import Plane
 from ..reading.recording import Motion, Note, OdometryPose, Picture, Record, Scan, TruthPose
 from ..reading.time_alignment import Aligner, Steps, as_rows
@@ -181,7 +181,7 @@ class RecordedLocalizer:
         self,
         path: Path,
         open_bag: OpenBag,
-        options: ReadingOptions,
+        options: Reading,
         topic: str | None = None,
         arena: Arena | None = None,
     ) -> None:

@@ -13,7 +13,7 @@ from maurice_mcl.values import OccupancyMap
 from ..errors import InputError
 from ..files.maps import occupancy_of_message
 from ..formats.registry import chosen
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from .messages import MESSAGE_ERRORS
 from .recording import BAGS
 from .source import BagSource
@@ -22,12 +22,12 @@ from .topics import map_topics
 Map = TypeVar("Map")
 
 
-def map_in(path: Path, options: ReadingOptions | None = None) -> OccupancyMap | None:
+def map_in(path: Path, options: Reading | None = None) -> OccupancyMap | None:
     """Return the map that a recording holds; None for one that holds none, as all that are no bags.
 
     InputError for a map that cannot be used, and as for `open_recording`.
     """
-    name = chosen(path, options or ReadingOptions()).name
+    name = chosen(path, options or Reading()).name
     if name not in BAGS:
         return None
     with BAGS[name](path) as bag:

@@ -17,7 +17,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo, compose, inverse, motio
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format, chosen
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
 from ..reading.recording import OdometryPose, Record, TruthPose
 from .containers import (
@@ -91,7 +91,7 @@ class BagRecording:
         self,
         path: Path,
         open_bag: OpenBag,
-        options: ReadingOptions,
+        options: Reading,
         *,
         beside: Collection[str] | None = None,  # topics that a caller reads itself, even if these are all
     ) -> None:
@@ -221,7 +221,7 @@ class BagRecording:
                         yield matrix[:3, 3], matrix[:3, :3]
 
 
-def _refuse_tables(path: Path, options: ReadingOptions) -> None:
+def _refuse_tables(path: Path, options: Reading) -> None:
     for name in ("time_unit", "table", "columns"):
         if getattr(options, name):
             text = f"found --reading {name}=..., which is for tables, and this is a bag; leave it out"
@@ -345,7 +345,7 @@ def _camera(name: str, calibration: Any) -> Camera:
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
 
 
-def names_read(path: Path, options: ReadingOptions) -> tuple[str, ...]:
+def names_read(path: Path, options: Reading) -> tuple[str, ...]:
     """Return topics that are read of a bag, and their frames; none of what is no bag. InputError."""
     name = chosen(path, options).name
     if name not in BAGS:
@@ -358,7 +358,7 @@ def names_read(path: Path, options: ReadingOptions) -> tuple[str, ...]:
 
 
 def _format(name: str, what: str, looks_like: Callable[[Path], bool]) -> Format:
-    def opened(path: Path, options: ReadingOptions) -> BagRecording:
+    def opened(path: Path, options: Reading) -> BagRecording:
         return BagRecording(path, BAGS[name], options)
 
     return Format(

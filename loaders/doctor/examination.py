@@ -24,7 +24,7 @@ from maurice_mcl.values.session import Moment, SessionInfo
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import MOST
 from ..formats.registry import chosen, open_recording
-from ..reading.options import MADE_ODOMETRY, ReadingOptions, option_name
+from ..reading.options import MADE_ODOMETRY, Reading, option_name
 from ..reading.recording import Picture
 from ..reading.time_alignment import offset_between
 from .findings import Evidence, Finding, RecordedDrive
@@ -68,7 +68,7 @@ BETWEEN_S = 2.0  # pictures that come more often are passed over
 
 def look(
     path: Path,
-    options: ReadingOptions,
+    options: Reading,
     library: Library,
     info: SessionInfo,
     drive: RecordedDrive,
@@ -102,7 +102,7 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
         raise InputError(path, str(problem), 1) from None
 
 
-def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
+def _pictures(path: Path, options: Reading, stride: int) -> Iterator[tuple[float, U8]]:
     records = open_recording(path, options, unchecked=True).records(ReadingNotes(keep_going=True))
     pictures = (record for record in records if isinstance(record, Picture))
     for picture in islice(pictures, 0, None, stride):
@@ -135,7 +135,7 @@ class Examination:
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
     findings: tuple[Finding, ...]
-    fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
+    fixed: Reading  # what to read it with; as it was read where no option fixes anything
     display_units: str = "m"  # of the session: "m" or "in"
     fov_known: bool = False  # whether the camera's field of view is stated
     scans: int = 0  # records
@@ -146,14 +146,14 @@ FROM_TRUTH = "0.11 m off on simulated drives, where the wheels' is 0.09 m"
 FROM_PICTURES = "on 8 simulated drives 0.07 m off with landmarks; with channels 0.29 m, and 3 of them lost"
 
 
-def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
+def has_view(info: SessionInfo, options: Reading) -> bool:
     """Return whether the field of view of the camera that is read is stated, by the header or the options."""
     cameras = info.cameras
     read = [camera for camera in cameras if camera.name == options.camera] or list(cameras)
     return bool(options.camera_fov_rad or (read and read[0].horizontal_fov_rad))
 
 
-def made_odometry(info: SessionInfo, options: ReadingOptions) -> str:
+def made_odometry(info: SessionInfo, options: Reading) -> str:
     """Return where odometry is from that was not measured, by the options or the header; "" for a robot's."""
     made_by = [name for name in MADE_ODOMETRY if getattr(options, name)]
     if made_by:
@@ -188,7 +188,7 @@ def odometry_advice(examination: Examination) -> tuple[str, ...]:
 
 
 def examine(
-    path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
+    path: Path, options: Reading, library: Library | None, progress: Progress | None = None
 ) -> Examination:
     """Look for everything that is known to go wrong. InputError for what cannot be read at all.
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from ..formats.registry import Format
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from .findings import Finding
 
 # what was read with one factor and needs another is read with their product
 FACTORS = ("odometry_scale", "turn_scale", "turn_gain", "truth_scale", "truth_turn_scale")
 
 
-def fixable(finding: Finding, form: Format, options: ReadingOptions) -> Finding:
+def fixable(finding: Finding, form: Format, options: Reading) -> Finding:
     """Leave out of a finding the options that a format does not take, or that hold something else."""
     taken = options.odometry_are is not None and "odometry_are" in finding.options
     if taken or ("time_unit" in finding.options and not form.takes_unit):
@@ -24,7 +24,7 @@ def fixable(finding: Finding, form: Format, options: ReadingOptions) -> Finding:
     return finding
 
 
-def on_robot(finding: Finding, options: ReadingOptions) -> Finding:
+def on_robot(finding: Finding, options: Reading) -> Finding:
     """Return a place on the robot as the options have it: from forward, not from where the camera looks."""
     if finding.code != "truth-mast" or not options.camera_yaw_rad:
         return finding
@@ -34,7 +34,7 @@ def on_robot(finding: Finding, options: ReadingOptions) -> Finding:
     return replace(finding, numbers=numbers, options={f"truth_{name}": v for name, v in numbers.items() if v})
 
 
-def fixed_options(options: ReadingOptions, findings: Iterable[Finding]) -> ReadingOptions:
+def fixed_options(options: Reading, findings: Iterable[Finding]) -> Reading:
     """Return the options with what fixes the findings, found in reading with these options."""
     for finding in findings:
         changed: dict[str, Any] = {}

@@ -16,7 +16,7 @@ from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import open_recording
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Motion, Note, OdometryPose, Picture, Record, Scan, TruthPose
 from .findings import MOST_SCANS, RecordedDrive, RecordedOdometry, RecordedScans, RecordedTruth, thinned
 
@@ -91,7 +91,7 @@ class Gathered:
     scans: RecordedScans = field(default_factory=lambda: RecordedScans(np.zeros(0), ()))
 
 
-def gather(path: Path, options: ReadingOptions) -> Gathered:
+def gather(path: Path, options: Reading) -> Gathered:
     """Read all but the pictures. Raises InputError if there is nothing to examine."""
     recording = open_recording(path, options, unchecked=True)
     info, notes, gathering = recording.info, ReadingNotes(keep_going=True), Gathering()

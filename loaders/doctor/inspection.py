@@ -13,7 +13,7 @@ from maurice_mcl.values import F64, LaserScan, SessionInfo, is_kidnapping
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_format
 from ..formats.registry import open_recording
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import (
     PLACEHOLDER,
     LeftOut,
@@ -67,7 +67,7 @@ class Inspection:
     implausible: tuple[Finding, ...] = ()  # what cannot be, by the numbers alone
 
 
-def inspect_file(path: Path, options: ReadingOptions) -> Inspection:
+def inspect_file(path: Path, options: Reading) -> Inspection:
     """Read a recording or a survey to its end; InputError as for `open_recording`."""
     if options.format is None and is_survey(path):
         return inspect_recording(RecordedSession(LogRecording(path, options, any_kind=True), options))

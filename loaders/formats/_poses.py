@@ -18,7 +18,7 @@ from maurice_mcl.values import F64, U8, SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import decode_picture, picture_in
 from ..files.text import MOST_T_S, show, time_falls, up_to
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
 from ..reading.recording import Note, OdometryPose, Picture, Record, TruthPose
 from ..reading.time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
@@ -188,7 +188,7 @@ class PoseFile(_TimedFile):
 def pose_file(
     file: Path | None,
     kind: type[OdometryPose] | type[TruthPose],
-    options: ReadingOptions,
+    options: Reading,
     layout: Layout | None = None,
     unit: str | None = None,
 ) -> PoseFile | None:

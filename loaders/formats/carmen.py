@@ -23,7 +23,7 @@ from maurice_mcl.values import F32, F64, LaserScan, SessionInfo, compose, motion
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, number_in, show, show_time
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import OdometryPose, Record, Scan, TruthPose, scan_fault
 from ._tables import Row, begin_lines, number_of, rows
 from .registry import Format
@@ -76,7 +76,7 @@ class CarmenRecording:
     """A log; there are no pictures in it."""
 
     path: Path
-    options: ReadingOptions = field(default_factory=ReadingOptions)
+    options: Reading = field(default_factory=Reading)
     pictureless = True
 
     @cached_property
@@ -370,7 +370,7 @@ def _count(file: Path, row: Row, words: list[str], at: int) -> int:
     return int(word)
 
 
-def open_carmen(path: Path, options: ReadingOptions) -> CarmenRecording:
+def open_carmen(path: Path, options: Reading) -> CarmenRecording:
     """Open a log. Raises InputError if no line of it has a pose."""
     recording = CarmenRecording(path, options)
     if next(recording._lines(ReadingNotes(keep_going=True)), None) is None:

@@ -20,7 +20,7 @@ from maurice_mcl.values import U8, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import natural_order
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Picture, Record
 from .registry import Format
 
@@ -154,7 +154,7 @@ class DumpRecording:
                 yield Picture(at * PERIOD_S, partial(_read, file, frame), name)
 
 
-def open_dump(path: Path, options: ReadingOptions) -> DumpRecording:
+def open_dump(path: Path, options: Reading) -> DumpRecording:
     """Open a dump. Raises InputError if there is no frame at all."""
     if not any(not frame.fault for file in _files(path) for frame in _found(file)):
         raise InputError(path, "found no whole frame (01 ... 03), expected a CMUcam's frame dump")

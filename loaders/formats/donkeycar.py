@@ -17,7 +17,7 @@ from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, items, mapping, number, read_json, text, whole
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Picture, Record, camera_named
 from ._poses import read_picture
 from ._tables import Row, begin_lines, rows
@@ -72,7 +72,7 @@ class TubRecording:
                     notes.problem(InputError(file, f"{problem}; was the tub cut?", row.number))
 
 
-def open_donkeycar(path: Path, options: ReadingOptions) -> TubRecording:
+def open_donkeycar(path: Path, options: Reading) -> TubRecording:
     """Open a tub; `options.camera` chooses among its cameras. Raises InputError if it is none."""
     file = path / MANIFEST
     try:

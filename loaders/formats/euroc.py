@@ -17,7 +17,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError
 from ..files.text import PICTURES
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import OdometryPose, TruthPose, camera_named
 from ..reading.time_alignment import unit_in
 from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of, pose_file
@@ -104,7 +104,7 @@ class _Sensor:
         return layout_of(self.columns)
 
 
-def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
+def open_euroc(path: Path, options: Reading) -> TimedFolder:
     """Open a folder; `options.camera` chooses a camera's. InputError if there is neither camera nor pose."""
     sensors = _sensors(path)
     cameras = [sensor for sensor in sensors if sensor.has_pictures]
@@ -166,13 +166,13 @@ def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
     return None
 
 
-def _pictures(camera: _Sensor, options: ReadingOptions) -> PictureList:
+def _pictures(camera: _Sensor, options: Reading) -> PictureList:
     unit = options.time_unit or camera.unit
     return PictureList(camera.file, camera.file.parent / "data", 1, unit, options.pictures_outside)
 
 
 def _poses(
-    sensor: _Sensor | None, kind: type[OdometryPose] | type[TruthPose], options: ReadingOptions
+    sensor: _Sensor | None, kind: type[OdometryPose] | type[TruthPose], options: Reading
 ) -> PoseFile | None:
     if sensor is None:
         return None

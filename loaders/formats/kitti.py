@@ -20,7 +20,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, show
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Picture, Record, TruthPose, camera_named
 from ..reading.time_alignment import clock_s
 from ._poses import first_file, read_picture
@@ -120,7 +120,7 @@ def planar_pose(file: Path, row: Row) -> F64:
     return np.array([matrix[2, 3], -matrix[0, 3], math.atan2(-matrix[0, 2], matrix[2, 2])])
 
 
-def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
+def open_sequence(path: Path, options: Reading) -> KittiRecording:
     """Open a sequence; `options.camera` is image_0 to image_3. Raises InputError if there are no pictures."""
     folders = [path / name for name in (*CAMERAS, *RAW, *SIDES) if (path / name).is_dir()]
     if not folders:
@@ -147,7 +147,7 @@ def poses_beside(path: Path) -> list[Path]:
     return [file] if file.is_file() else []
 
 
-def open_poses(path: Path, options: ReadingOptions) -> KittiRecording:
+def open_poses(path: Path, options: Reading) -> KittiRecording:
     """Open poses alone; the times of `times.txt` beside them, if any. InputError for a bad row."""
     first = next(rows(path), None)
     if first is None:

@@ -14,7 +14,7 @@ import cv2
 from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import OdometryPose, TruthPose, camera_named
 from ._poses import PictureList, TimedFolder, first_file, pose_file
 from ._tables import begin_lines
@@ -31,7 +31,7 @@ SENSORS = {
 }
 
 
-def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
+def open_openloris(path: Path, options: Reading) -> TimedFolder:
     """Open a folder; `options.camera` chooses among color, fisheye1 and so on. InputError if it is none."""
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     if not listed:

@@ -14,7 +14,7 @@ from maurice_mcl.values import F64, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, PICTURES, pictures_in, show, time_falls
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import planar, rotation
 from ..reading.recording import Motion, OdometryPose, Picture, Readings, Record, TruthPose
 from ..reading.time_alignment import PER_SECOND, detect_unit, seconds
@@ -201,7 +201,7 @@ class TableRecording:
                 yield row, words
 
 
-def open_table(path: Path, options: ReadingOptions) -> TableRecording:
+def open_table(path: Path, options: Reading) -> TableRecording:
     """Open a table, or a folder or video with `options.table` or its one table. InputError as `roles_of`."""
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
@@ -279,7 +279,7 @@ class FolderRecording:
             yield Picture(number * PERIOD_S, partial(read_picture, file.parent, file.name), file.name)
 
 
-def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderRecording:
+def open_folder(path: Path, options: Reading) -> TableRecording | FolderRecording:
     """Open a folder of pictures, with `options.table` when there is one. Raises InputError if it has none."""
     if options.table is not None:
         return open_table(path, options)

@@ -21,7 +21,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.text import MOST, PICTURES, natural_order, numbers, read_bounded, read_json, reading, show, text
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
 from ..reading.recording import Note, Picture, Record, TruthPose
 from ._poses import read_picture
@@ -51,7 +51,7 @@ class PosedPictures:
     info: SessionInfo
     folder: Path  # that names start from
     posed: Callable[[], Posed]
-    options: ReadingOptions
+    options: Reading
     remarks: tuple[str, ...] = (NO_TIMES,)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
@@ -140,7 +140,7 @@ def _matrix_file(file: Path) -> F64:
     return np.array([number_of(file, row, word, "value") for row, word in words]).reshape(4, 4)
 
 
-def open_matrices(path: Path, options: ReadingOptions) -> PosedPictures:
+def open_matrices(path: Path, options: Reading) -> PosedPictures:
     """Open a folder of pictures with a matrix each. InputError without any."""
     pairs = _pairs(path)
     if not pairs:
@@ -169,7 +169,7 @@ IMAGES = ("images.txt", "sparse/0/images.txt", "sparse/images.txt")
 BINARY = ("images.bin", "sparse/0/images.bin", "sparse/images.bin")
 
 
-def open_colmap(path: Path, options: ReadingOptions) -> PosedPictures:
+def open_colmap(path: Path, options: Reading) -> PosedPictures:
     """Open COLMAP's text model: its images.txt, or a folder with it. InputError without one."""
     file = _model(path, IMAGES)
     if file is None:
@@ -228,7 +228,7 @@ def looks_like_colmap(path: Path) -> bool:
 TRANSFORMS = "transforms.json"
 
 
-def open_transforms(path: Path, options: ReadingOptions) -> PosedPictures:
+def open_transforms(path: Path, options: Reading) -> PosedPictures:
     """Open transforms.json, or a folder with it. InputError for one that makes no sense."""
     file = path / TRANSFORMS if path.is_dir() else path
     try:

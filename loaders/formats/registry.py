@@ -30,7 +30,7 @@ from ..files.paths import (
     manifest_of,
 )
 from ..files.text import expect_regular
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import TURNED
 from ..reading.recording import Recording
 from ..reading.session import RecordedSession
@@ -57,7 +57,7 @@ def nothing_beside(path: Path) -> Sequence[Path]:
     return ()
 
 
-Opening = Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
+Opening = Callable[[Path, Reading], Recording]  # InputError for what cannot be read
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +124,9 @@ def _guess(path: Path) -> Format | None:
     return next((form for form in _in_order() if form.looks_like(path)), None)
 
 
-def open_recording(
-    path: Path, options: ReadingOptions | None = None, *, unchecked: bool = False
-) -> Recording:
+def open_recording(path: Path, options: Reading | None = None, *, unchecked: bool = False) -> Recording:
     """Open any recording as a stream of records; with `unchecked`, as the doctor looks at it."""
-    options = options or ReadingOptions()
+    options = options or Reading()
     form = chosen(path, options)
     opening = form.open_unchecked if unchecked and form.open_unchecked else form.open
     if options.plane in TURNED and not form.in_space:
@@ -148,10 +146,10 @@ def open_recording(
     return odometry_from_truth(recording, options.odometry_seed)
 
 
-def open_session(path: str | Path, reading: ReadingOptions | None = None, **changes: Any) -> RecordedSession:
+def open_session(path: str | Path, reading: Reading | None = None, **changes: Any) -> RecordedSession:
     """Open a recording of any format as a session, whose `moments()` are what a robot saw and did.
 
-    Keyword arguments are fields of `ReadingOptions`, over those of `reading`. Only the header is read; every
+    Keyword arguments are fields of `Reading`, over those of `reading`. Only the header is read; every
     moment holds a picture (H, W, 3) uint8 RGB, motions (M, 3) in meters and radians, and the true pose (3,)
     or None. Raises InputError for an unknown format, and where reading goes wrong.
 
@@ -160,12 +158,12 @@ def open_session(path: str | Path, reading: ReadingOptions | None = None, **chan
         >>> [moment.frame.image.shape for moment in session.moments()]
         [(4, 6, 3), (4, 6, 3)]
     """
-    path, options = Path(path), replace(reading or ReadingOptions(), **changes)
+    path, options = Path(path), replace(reading or Reading(), **changes)
     recording = open_recording(path, options)
     return RecordedSession(with_frames(recording) if chosen(path, options).readings else recording, options)
 
 
-def chosen(path: Path, options: ReadingOptions) -> Format:
+def chosen(path: Path, options: Reading) -> Format:
     """Return the format that was named, or the guess. Raises InputError for a name that is none."""
     if options.format is None:
         if not (options.table or options.columns):

@@ -10,7 +10,7 @@ from pathlib import Path
 from maurice_mcl.values import SessionInfo
 
 from ..errors import InputError
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import OdometryPose, TruthPose
 from ..reading.time_alignment import unit_in
 from ._poses import COMMENTS, Layout, PictureList, TimedFolder, first_file, layout_of, pose_file
@@ -23,7 +23,7 @@ TRUTH, ODOMETRY = ("groundtruth.txt", "groundtruth"), ("odometry.txt", "odom.txt
 COLOR = ("rgb", "color", "image")  # how the folders of pictures that are no depth are called
 
 
-def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
+def open_tum(path: Path, options: Reading) -> TimedFolder:
     """Open a folder with rgb.txt or associated.txt. Raises InputError if both are missing."""
     listed = _listed(path)
     if listed is None:
@@ -37,7 +37,7 @@ def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
     ).check()
 
 
-def open_trajectory(path: Path, options: ReadingOptions) -> TimedFolder:
+def open_trajectory(path: Path, options: Reading) -> TimedFolder:
     """Open a trajectory by itself; its poses are the truth."""
     names = _names(path)
     layout = (layout_of(names) if names else None) or Layout()

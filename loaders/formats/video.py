@@ -14,7 +14,7 @@ from maurice_mcl.values import U8, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import expect_size
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Picture, Record
 from ._tables import begin_of
 from .registry import Format
@@ -78,7 +78,7 @@ class VideoRecording:
             yield Picture(t_s, partial(reading.read, number), f"{self.path.name}, frame {number}")
 
 
-def open_video(path: Path, options: ReadingOptions) -> VideoRecording:
+def open_video(path: Path, options: Reading) -> VideoRecording:
     """Open a video. Raises InputError if it cannot be decoded."""
     _opened(path).release()
     return VideoRecording(path)

@@ -35,7 +35,7 @@ from ..files.paths import A_LIBRARY, first_bytes
 from ..files.ros_maps import ENDINGS
 from ..files.writing import cache_root, discard
 from ..formats.registry import unlike
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SurveyLog, SurveyPicture
 from .files import VERSION, hashes_of, load_library, manifest_warnings, save_library
@@ -78,7 +78,7 @@ def build_library(
         (2, ['color'])
     """
     survey = Path(survey)
-    log = log or SurveyLog(survey, ReadingOptions(keep_going=keep_going))
+    log = log or SurveyLog(survey, Reading(keep_going=keep_going))
     rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
     for done, measured in enumerate(on_all_cores(rows.measured, log.survey_pictures()), start=1):

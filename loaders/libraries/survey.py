@@ -21,7 +21,7 @@ from ..files.text import METERS
 from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
 from ..formats.registry import open_session
 from ..reading.observations import SCANS
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import Picture, RecordingWrapper
 from ..reading.session import RecordedSession
 from ..session_log.header import session_in
@@ -132,7 +132,7 @@ class SurveySelection:
 
 def open_survey(
     path: Path,
-    options: ReadingOptions,
+    options: Reading,
     every: Spacing | None = None,
     keep: Path | None = None,
     progress: Progress | None = None,
@@ -155,7 +155,7 @@ def open_survey(
 
 def open_table(path: Path) -> SelectedSurvey:
     """Open all pictures of a table that has poses, and neither times nor odometry. InputError for a drive."""
-    drive = open_session(path, ReadingOptions())
+    drive = open_session(path, Reading())
     if not _is_surveyed(drive):
         fault = "found a drive, expected a library or a survey; make a library of it first"
         raise InputError(path, f"{fault}: maurice-replay library build {path} -o LIBRARY")
@@ -189,7 +189,7 @@ def is_table(path: Path) -> bool:
 
 def files_of_table(path: Path) -> list[Path]:
     """Return the table and the files of its pictures, without decoding any. InputError as `open_table`."""
-    drive = open_session(path, ReadingOptions())
+    drive = open_session(path, Reading())
     table = _table_of(drive)
     if table is None:
         return [path]

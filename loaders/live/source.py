@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from ..errors import FieldError, InputError, SourceError
 from ..files.text import expect_regular
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.plane import TURNED
 from ..session_log.header import session_in
 from ..session_log.records import LogLine
@@ -48,7 +48,7 @@ def is_live(text: Path | str) -> bool:
     return str(text) == STDIN or bool(_SCHEME.match(str(text)))
 
 
-def live_source(text: Path | str, options: ReadingOptions | None = None) -> LiveSource:
+def live_source(text: Path | str, options: Reading | None = None) -> LiveSource:
     """Return the source that was typed; text that is no address is a file. SourceError for a bad address."""
     typed = str(text)
     if options is not None and options.plane in TURNED:
@@ -74,7 +74,7 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
         return LiveSource(name, partial(SocketStream, host, port), peer=True, waits=False)
     from .websocket import connect_websocket
 
-    connect = partial(connect_websocket, name, options or ReadingOptions())
+    connect = partial(connect_websocket, name, options or Reading())
     return LiveSource(name, connect, peer=True, waits=False)
 
 

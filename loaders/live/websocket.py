@@ -21,7 +21,7 @@ from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, decode_jso
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
 from ..files.text import items, mapping, read_json
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..session_log.header import header_of
 from ..session_log.records import ascii_line
 from .poses import short
@@ -211,7 +211,7 @@ ASSUMED: Edges = frozenset((("odom", "base_link"),))  # frames that transforms m
 Bridge = Foxglove | Rosbridge
 
 
-def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
+def connect_websocket(name: str, options: Reading) -> WebsocketStream:
     """Connect to a bridge. OSError if it cannot be reached, SourceError without the extra."""
     if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
         raise SourceError(name, f"listening to a bridge needs an extra; {INSTALL}")
@@ -247,7 +247,7 @@ class WebsocketStream:
     """A connection to a bridge, as a `ByteStream` of session-log lines."""
 
     def __init__(
-        self, name: str, connection: ClientConnection, close: Callable[[], None], options: ReadingOptions
+        self, name: str, connection: ClientConnection, close: Callable[[], None], options: Reading
     ) -> None:
         self._name, self._connection, self._close, self._options = name, connection, close, options
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()

@@ -8,7 +8,7 @@ from maurice_mcl.values.arrays import F64, I32
 from maurice_mcl.values.geometry import motions_between, wrap_angle
 
 from ..errors import ReadingNotes
-from .options import JUMPING, ReadingOptions
+from .options import JUMPING, Reading
 from .recording import Motion, OdometryPose, Recording
 
 FEWEST = 8  # records with a time between them
@@ -39,7 +39,7 @@ def _apart(speeds: F64, least: float) -> np.ndarray[tuple[int], np.dtype[np.bool
     return speeds >= (top[drops[-1]] if len(drops) else np.inf)
 
 
-def jumps_of(recording: Recording, options: ReadingOptions) -> frozenset[int]:
+def jumps_of(recording: Recording, options: Reading) -> frozenset[int]:
     """Return which records of a recording's odometry jump; none unless the options say that it does."""
     if options.odometry_are != JUMPING:
         return frozenset()

@@ -14,7 +14,7 @@ import numpy as np
 from maurice_mcl.values import F64, SKIPPED, compose, motion_between
 
 from ..errors import ReadingNotes
-from .options import ReadingOptions
+from .options import Reading
 from .recording import Picture, Recording, Scan, checked
 from .time_alignment import ROUNDING_S, Aligned
 
@@ -36,7 +36,7 @@ class Gate:
 SCAN_GATE = Gate(0.25, 0.2)  # AMCL's update_min_d and update_min_a
 
 
-def gate_of(options: ReadingOptions, *, scans: bool) -> Gate:
+def gate_of(options: Reading, *, scans: bool) -> Gate:
     """Return the gate that the options ask for; else the usual one of pictures, or of scans."""
     asked = options.min_distance_m, options.min_angle_rad
     if asked == (None, None):

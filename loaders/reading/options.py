@@ -1,6 +1,6 @@
-"""How a recording is read: `ReadingOptions`, and its TOML file.
+"""How a recording is read: `Reading`, and its TOML file.
 
-Each field of `ReadingOptions` is one option. The command line, the manifest of a saved run and the file
+Each field of `Reading` is one option. The command line, the manifest of a saved run and the file
 (docs/formats.md) follow from it.
 """
 
@@ -32,7 +32,7 @@ Group = Literal["source", "table", "pictures", "made odometry", "correction", "e
 
 
 class Meaning(NamedTuple):
-    """What a field of `ReadingOptions` stands for."""
+    """What a field of `Reading` stands for."""
 
     text: str  # one line, as the command line's help shows it; angles are typed in degrees
     group: Group
@@ -44,13 +44,13 @@ Text = str | None
 
 
 @dataclass(frozen=True, slots=True)
-class ReadingOptions:
+class Reading:
     """How a recording is read; the defaults detect what they can and change nothing.
 
     Meters, radians, seconds. `FIELDS` holds the meaning of each.
 
-        >>> from maurice_loaders import ReadingOptions
-        >>> ReadingOptions(turn_scale=-1.0, camera_yaw_rad=1.5707963).corrections
+        >>> from maurice_loaders import Reading
+        >>> Reading(turn_scale=-1.0, camera_yaw_rad=1.5707963).corrections
         ('--reading turn_scale=-1', '--reading camera_yaw_deg=89.9999985')
     """
 
@@ -165,13 +165,13 @@ class ReadingOptions:
     @property
     def corrections(self) -> tuple[str, ...]:
         """All corrections as they are typed: "--reading turn_scale=-1"."""
-        usual = ReadingOptions()
+        usual = Reading()
         changed = [name for name in CORRECTIONS if getattr(self, name) != getattr(usual, name)]
         return tuple(f"{option_name(name)}={option_value(name, getattr(self, name))}" for name in changed)
 
 
 FIELDS: dict[str, Meaning] = {
-    name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()
+    name: hint.__metadata__[0] for name, hint in get_type_hints(Reading, include_extras=True).items()
 }
 CORRECTIONS = tuple(name for name, meaning in FIELDS.items() if meaning.group == "correction")
 
@@ -200,7 +200,7 @@ def _factor(key: str, value: Any) -> float:
 
 
 def _rule_of(name: str) -> Rule:
-    usual, meaning = getattr(ReadingOptions(), name), FIELDS[name]
+    usual, meaning = getattr(Reading(), name), FIELDS[name]
     if isinstance(usual, bool):
         return rules.truth
     if isinstance(usual, Mapping):
@@ -233,14 +233,14 @@ def option_value(name: str, value: object) -> str:
 # The file: one TOML table, [reading], whose keys are the fields.
 
 
-def read_reading(path: str | Path) -> ReadingOptions:
+def read_reading(path: str | Path) -> Reading:
     """Read options from a TOML file; missing keys have their defaults.
 
     The path of `table` counts from the file's folder. Raises InputError for a file that is no such TOML and
     for unknown keys or bad values.
 
-        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
-        >>> write_reading("reading.toml", ReadingOptions(turn_scale=-1.0), force=True)
+        >>> from maurice_loaders import Reading, read_reading, write_reading
+        >>> write_reading("reading.toml", Reading(turn_scale=-1.0), force=True)
         >>> read_reading("reading.toml").turn_scale
         -1.0
     """
@@ -250,23 +250,23 @@ def read_reading(path: str | Path) -> ReadingOptions:
         names = ", ".join(tables) or "nothing"
         raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor -o writes it")
     try:
-        options = replace(ReadingOptions(), **checked(rules.table(TABLE, tables[TABLE]), RULES))
+        options = replace(Reading(), **checked(rules.table(TABLE, tables[TABLE]), RULES))
     except ValueError as problem:
         raise InputError(path, f"{problem}; correct it there") from None
     return options if options.table is None else replace(options, table=path.parent / options.table)
 
 
-def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = False) -> None:
+def write_reading(path: str | Path, options: Reading, *, force: bool = False) -> None:
     """Write the options that differ from their defaults to a TOML file.
 
     Raises InputError for a file that exists, unless `force`, or cannot be written.
 
-        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
-        >>> write_reading("reading.toml", ReadingOptions(camera="left"), force=True)
-        >>> read_reading("reading.toml") == ReadingOptions(camera="left")
+        >>> from maurice_loaders import Reading, read_reading, write_reading
+        >>> write_reading("reading.toml", Reading(camera="left"), force=True)
+        >>> read_reading("reading.toml") == Reading(camera="left")
         True
     """
-    path, usual = Path(path), ReadingOptions()
+    path, usual = Path(path), Reading()
     lines = ["# How a recording is read; use it with --reading.", f"[{TABLE}]"]
     for name in FIELDS:
         value = getattr(options, name)
@@ -284,15 +284,15 @@ def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = Fa
 ELSEWHERE = ("table", "keep_going")  # options that a manifest has under names of their own
 
 
-def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
+def reading_to_json(options: Reading) -> dict[str, Any]:
     """Return the options as a manifest holds them, all but `ELSEWHERE`."""
     kept = {name: getattr(options, name) for name in FIELDS if name not in ELSEWHERE}
     return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
 
 
-def reading_from_json(value: Any) -> ReadingOptions:
+def reading_from_json(value: Any) -> Reading:
     """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
-    usual, known = ReadingOptions(), {name: rule for name, rule in RULES.items() if name not in ELSEWHERE}
+    usual, known = Reading(), {name: rule for name, rule in RULES.items() if name not in ELSEWHERE}
     given = {
         name: choice
         for name, choice in mapping(value, TABLE).items()

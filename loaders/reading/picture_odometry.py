@@ -25,7 +25,7 @@ from maurice_mcl.sensor.visual_odometry import (
 from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from .options import ReadingOptions
+from .options import Reading
 from .recording import Motion, OdometryPose, Picture, Record, Recording, checked
 
 FROM_PICTURES = "odometry from pictures"  # in the session's name: every table and picture says it
@@ -79,7 +79,7 @@ class WithPictureOdometry:
     "pictures" takes for unknown. Where the robot stood or turned in place, its length is zero.
     """
 
-    def __init__(self, recording: Recording, options: ReadingOptions) -> None:
+    def __init__(self, recording: Recording, options: Reading) -> None:
         self._bare, self._options = recording, options
         self._lens = _lens_of(recording, options)
 
@@ -221,7 +221,7 @@ def _motion(relative: RelativeMotion | None, usual_m: float, unseen_m: float, ya
     return np.array([way * math.cos(ahead), way * math.sin(ahead), relative.turn_rad or LEAST_TURN_RAD])
 
 
-def _lens_of(recording: Recording, options: ReadingOptions) -> _Lens:
+def _lens_of(recording: Recording, options: Reading) -> _Lens:
     cameras = recording.info.cameras
     named = [camera for camera in cameras if camera.name == options.camera]
     camera = (named or list(cameras) or [Camera("camera")])[0]
@@ -235,7 +235,7 @@ def _lens_of(recording: Recording, options: ReadingOptions) -> _Lens:
     return _Lens(fov_rad, options.camera_height_m or camera.height_m, camera.yaw_rad)
 
 
-def odometry_from_pictures(recording: Recording, options: ReadingOptions) -> WithPictureOdometry:
+def odometry_from_pictures(recording: Recording, options: Reading) -> WithPictureOdometry:
     """Add odometry to a recording. InputError if it has its own, or no pictures, or an unknown camera."""
     kinds = Counter(type(record) for record in checked(recording, ReadingNotes(keep_going=True)))
     if kinds[OdometryPose] or kinds[Motion]:

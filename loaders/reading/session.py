@@ -19,7 +19,7 @@ from maurice_mcl.values.session import NO_PICTURE, Camera, Frame, Moment, Sessio
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .observations import SCANS, SKIPPED_AT, Gate, Observations, Observed, gate_of, observed_in, with_skipped
-from .options import ReadingOptions
+from .options import Reading
 from .recording import (
     PLACEHOLDER,
     Motion,
@@ -59,9 +59,9 @@ class RecordedSession(HasReadingNotes):
     left out. Raises InputError for what is broken, unless `keep_going`.
     """
 
-    def __init__(self, recording: Recording, options: ReadingOptions | None = None) -> None:
+    def __init__(self, recording: Recording, options: Reading | None = None) -> None:
         self.recording = recording
-        self.options = options or ReadingOptions()
+        self.options = options or Reading()
         self._notes = ReadingNotes(self.options.keep_going)
         self._kept: tuple[ReadingNotes, list[Moment]] | None = None
 
@@ -191,7 +191,7 @@ def _reader(picture: Picture) -> Callable[[], U8 | None]:
     return read
 
 
-def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> SessionInfo:
+def with_stated_view(path: Path, info: SessionInfo, options: Reading) -> SessionInfo:
     """Return a header whose camera, the one that is read, has the field of view of the options, if any."""
     view_rad = options.camera_fov_rad
     if not view_rad:

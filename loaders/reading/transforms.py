@@ -19,7 +19,7 @@ from maurice_mcl.values.session import SessionInfo, is_kidnapping
 from ..errors import InputError, ReadingNotes
 from .jumps import jumps_of
 from .observations import Gate
-from .options import JUMPING, MOTIONS_ARE, ReadingOptions
+from .options import JUMPING, MOTIONS_ARE, Reading
 from .recording import (
     LeftOut,
     Motion,
@@ -137,7 +137,7 @@ NEAR_ZERO_M = 1.0  # a first pose so near zero is the path since the drive began
 class Corrected(RecordingWrapper):
     """A recording as it should have been written; docs/formats.md explains each correction."""
 
-    correction: ReadingOptions
+    correction: Reading
 
     @property
     def info(self) -> SessionInfo:
@@ -205,7 +205,7 @@ class Corrected(RecordingWrapper):
         return np.asarray(pose - np.array([*moved, 0.0]))
 
 
-def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
+def corrected(recording: Recording, correction: Reading) -> Recording:
     """Put a recording right; the recording itself where there is nothing to do."""
     if not correction.corrections:
         return recording
@@ -221,7 +221,7 @@ def turned(scan: LaserScan, angle_rad: float) -> LaserScan:
     return replace(scan, mount=compose(np.array([0.0, 0.0, angle_rad]), scan.mount))
 
 
-def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
+def _clocks(correction: Reading) -> list[tuple[float, tuple[type[Record], ...]]]:
     """Return each time offset and the kinds of records that it applies to; pictures last, after the poses."""
     c = correction
     offsets: dict[type[Record], float] = {
@@ -242,7 +242,7 @@ def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record],
 
 
 class _Wheels:
-    def __init__(self, correction: ReadingOptions, path: Path) -> None:
+    def __init__(self, correction: Reading, path: Path) -> None:
         scale = correction.odometry_scale
         self._are, self._gain, self._path = correction.odometry_are, correction.turn_gain, path
         self._units: F64 = np.array([scale, scale, correction.turn_scale])

@@ -31,7 +31,7 @@ from ..formats.donkeycar import looks_like_tub
 from ..formats.registry import unlike
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
-from ..reading.options import ReadingOptions, reading_from_json, reading_to_json
+from ..reading.options import Reading, reading_from_json, reading_to_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2
@@ -68,7 +68,7 @@ class RunManifest:
     state: str = "writing"
     radii: Radii = USUAL  # by which it was judged; manifests without any are of runs judged by these
     steps: int | None = None  # written when it ended; None while writing
-    reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
+    reading: Reading = field(default_factory=Reading)  # all but its `table` and `keep_going`
     table: Source | None = None  # the file of `table` among the options of reading
     sensors: Mapping[str, str] = field(default_factory=dict)  # of other packages, to what has a version
     failures: tuple[Failure, ...] | None = None  # written when it ended; None: of an earlier version

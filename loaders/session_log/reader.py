@@ -11,7 +11,7 @@ from maurice_mcl.values import F64, U8, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from ..formats.registry import Format
-from ..reading.options import ReadingOptions
+from ..reading.options import Reading
 from ..reading.recording import LeftOut, Picture, Record, camera_named
 from ..reading.time_alignment import PER_SECOND
 from .header import FORMAT, Kind, session_in
@@ -34,12 +34,12 @@ class LogRecording:
     def __init__(
         self,
         path: Path,
-        options: ReadingOptions | None = None,
+        options: Reading | None = None,
         *,
         any_kind: bool = False,
         unchecked: bool = False,
     ) -> None:
-        options = options or ReadingOptions()
+        options = options or Reading()
         self.path = session_in(path)
         self.info, self.kind = _header(self.path, None if any_kind else "session")
         self.stated = self.info.notes
@@ -83,8 +83,8 @@ class SurveyPicture:
 class SurveyLog(HasReadingNotes):
     """A survey log on disk. InputError for what is none, and for a broken line unless `keep_going`."""
 
-    def __init__(self, path: Path, options: ReadingOptions | None = None) -> None:
-        self._options = options or ReadingOptions()
+    def __init__(self, path: Path, options: Reading | None = None) -> None:
+        self._options = options or Reading()
         self.path = path
         self.info, _ = _header(path, "survey")
         self._camera = camera_of(path, self.info, self._options.camera)

@@ -17,15 +17,14 @@ from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F64, Belief, FilterState, Library, Moment, Past, StepRecord
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.drive_check import drive_pictures
+from ..running.filters import Filter, word_of
 from ..running.open import fitted, landmarked
-from ..running.run_spec import check_name, combined
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
 from .convert import only_run
@@ -96,9 +95,7 @@ class BranchChange:
         sensors of other packages stay. Keys that the library `fitted` to the run's own channels are left out
         where the branch has another sensor.
         """
-        check_name(self.preset, PRESETS, "preset")
-        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
-        given = combined(self.settings, self.feature, self.particles)
+        given = Filter(self.preset, self.feature, self.particles, settings=self.settings).changes
         if any(key.startswith("radii.") for key in given):
             raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
         kept = {key: value for key, value in saved.values().items() if value is not None}
@@ -121,7 +118,9 @@ OF_PRESETS = [values["motion"] for values in PRESETS.values() if "motion" in val
 
 
 def _short(value: Any) -> Any:
-    return ",".join(f"{name}={one}" for name, one in value.items()) if isinstance(value, Mapping) else value
+    if isinstance(value, Mapping):
+        return ",".join(f"{name}={part}" for name, part in value.items())
+    return value if isinstance(value, (str, int, float)) else word_of(value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from maurice_datasets.trials.budget import BudgetDrive, ErrorBudget, budget_of
 from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.rows import is_trials
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
-from maurice_mcl.values import F64, Library
+from maurice_mcl.values import Library
 
 from ..errors import SILENT, Listener, OptionError, progress_of
+from ..running.filters import AnyFilter, Filter, filter_of, read_as_amcl
 from ..running.open import make_runs, open_library_for, open_session
-from ..running.run_spec import RunSpec, read_as_amcl
 
 MOST_DRIVES = 10  # of a folder of trials
 WORKING = "error budget"
@@ -25,15 +23,9 @@ WORKING = "error budget"
 def error_budget(
     source: str | Path | RecordedSession,
     library: str | Path | Library | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    feature: str | None = None,
-    preset: str | None = None,
-    particles: int | None = None,
-    start: str | F64 | None = None,
-    config: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[str] = (),
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     seeds: int = 5,
     listener: Listener = SILENT,
 ) -> ErrorBudget:
@@ -44,14 +36,14 @@ def error_budget(
     InputError for a session without truth.
 
         >>> import maurice_viz as mv
-        >>> budget = mv.error_budget("session.log", particles=50, seeds=2)
+        >>> budget = mv.error_budget("session.log", filter=mv.Filter(particles=50), seeds=2)
         >>> [share.part for share in budget.parts][:2]
         ['as it is', 'true movements']
     """
-    options = reading or ReadingOptions()
-    spec = RunSpec.of(preset, feature, particles, 0, start, config, settings, sensors)
+    options = reading or Reading()
+    spec = filter_of(filter)
     if isinstance(source, (str, Path)) and is_trials(Path(source)):
-        if library is not None or spec != RunSpec() or options != ReadingOptions():
+        if library is not None or spec != Filter() or options != Reading():
             raise OptionError(f"{source} holds trials: their filter is used, no option of a filter applies")
         return _of_trials(Path(source), listener)
     options, (spec,) = read_as_amcl(source, options, [spec], listener)

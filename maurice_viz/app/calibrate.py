@@ -13,7 +13,7 @@ from maurice_loaders import calibration_trials
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import drive_segments
 from maurice_mcl.fitting.motion import Calibration, Trials
 from maurice_mcl.fitting.motion import calibrate as fit_trials
@@ -244,7 +244,7 @@ def _mast_words(fit: MotionFit) -> list[str]:
 def calibrate_drive(
     *sources: str | Path,
     model: str | None = None,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     to: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -268,7 +268,7 @@ def calibrate_drive(
         raise OptionError(f"found the model {model!r}, {expected_one_of(model, MODELS)}")
     if to is not None:
         expect_absent(Path(to), force=force)
-    options = reading or ReadingOptions()
+    options = reading or Reading()
     drives = [_driven(path, options, listener) for path in paths]
     segments, info = [segment for drive, _ in drives for segment in drive], drives[0][1]
     named = (info.motion or {}).get("model", "maurice" if info.motion else "odometry")
@@ -290,9 +290,7 @@ def calibrate_drive(
     return calibration
 
 
-def _driven(
-    path: Path, options: ReadingOptions, listener: Listener
-) -> tuple[list[MotionSegment], SessionInfo]:
+def _driven(path: Path, options: Reading, listener: Listener) -> tuple[list[MotionSegment], SessionInfo]:
     """Return the movements between true poses of a recording."""
     session = open_session(path, options, listener)
     return list(drive_segments(session)), session.info

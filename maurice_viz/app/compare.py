@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from maurice_loaders.config_files import motion_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved, library_hash
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.values import F64, Arena, Library
+from maurice_mcl.values import Arena, Library
 
 from ..entities import RESERVED
 from ..errors import SILENT, Listener, OptionError
-from ..layouts import DETAILS
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running import open as opening
+from ..running.filters import AnyFilter, AnySource, Filter, filter_of, names_of, read_as_amcl, told_apart
 from ..running.live import LiveOptions
-from ..running.output import OutputOptions, output_of
+from ..running.output import Output, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
-from ..running.run_spec import AnySource, RunSpec, read_as_amcl, settings_with, start_of
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
 from .convert import only_run
@@ -41,67 +38,46 @@ KINDS = "--feature, --preset, --particles, --seed, --start, --config and --set"
 def compare(
     session: AnySource | Sequence[AnySource],
     library: str | Path | Library | None = None,
+    filters: AnyFilter | Sequence[AnyFilter] = (),
     *,
-    features: Sequence[str] = (),
-    presets: Sequence[str] = (),
-    particles: int | Sequence[int] = (),
-    seeds: int | Sequence[int] = (),
-    starts: str | Sequence[str | F64] = (),
-    configs: Sequence[str | Path] = (),
-    settings: Mapping[str, Any] | Sequence[Mapping[str, Any]] = (),
-    sensors: Sequence[str] = (),
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     live: LiveOptions | None = None,
     to: str | Path | None = None,
     save_run: str | Path | None = None,
-    layout: str | None = None,
-    detail: str = DETAILS[0],
     force: bool = False,
-    output: OutputOptions | None = None,
+    output: Output | None = None,
     report: Report = lambda scores: None,
     listener: Listener = SILENT,
 ) -> RunScores:
     """Replay two to four runs side by side and return their scores; all after the first are compared with it.
 
-    Of one session or live source, exactly one of the plural arguments has several values, a run each, but
-    files of AMCL's parameters go beside presets; without any, the features color and blended are compared.
-    Several sessions (paths, or opened ones) of one library are replayed with one filter; saved runs (paths)
-    are compared as they were. The other arguments are those of `replay`.
+    One session or live source is run with each of the `filters` (`Filter`, or names of presets or features;
+    without any, color and blended). Several sessions (paths, or opened ones) of one library are replayed with
+    one filter; saved runs (paths) are compared as they were. The other arguments are those of `replay`.
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
         >>> import maurice_viz as mv
-        >>> scores = mv.compare("session.log", features=["color", "blended"], particles=50)
+        >>> scores = mv.compare("session.log", filters=["color", mv.Filter("blended", particles=50)])
         >>> [run.label for run in scores.runs]
         ['color', 'blended']
     """
-    given: dict[str, Sequence[Any]] = {
-        "feature": _several(features),
-        "preset": _several(presets),
-        "particles": _several(particles),
-        "seed": _several(seeds),
-        "start": [start_of(start) for start in _several(starts)],
-        "config": [Path(config) for config in _several(configs)],
-        "settings": [settings_with(values, sensors) for values in _several(settings) or [{}] * bool(sensors)],
-    }
     is_one = not isinstance(session, Sequence) or isinstance(session, str)
     sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
+    asked = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
+    specs = [filter_of(each) for each in asked]
     named = sources[0] if len(sources) == 1 else SEVERAL
-    output = output_of(named, output, to, save_run, layout, detail, force=force)
-    reading, live = reading or ReadingOptions(), live or LiveOptions()
-    return _compared(sources, library, given, output, reading, live, listener, report)
-
-
-def _several(values: Any) -> Sequence[Any]:
-    return list(values) if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+    output = output_of(named, output, to, save_run, force=force)
+    reading, live = reading or Reading(), live or LiveOptions()
+    return _compared(sources, library, specs, output, reading, live, listener, report)
 
 
 def _compared(
     sources: Sequence[AnySource],
     library: str | Path | Library | None,
-    given: Given,
-    output: OutputOptions,
-    reading: ReadingOptions,
+    filters: Sequence[Filter],
+    output: Output,
+    reading: Reading,
     live: LiveOptions,
     listener: Listener,
     report: Report,
@@ -111,7 +87,7 @@ def _compared(
     if any(saved):
         if not all(saved):
             raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
-        if any(given.values()) or library is not None or output.save_run or reading != ReadingOptions():
+        if filters or library is not None or output.folder or reading != Reading():
             raise OptionError(
                 "saved runs are compared as they were: only options of the output apply to them"
             )
@@ -123,18 +99,23 @@ def _compared(
         paths = [source for source in sources if isinstance(source, (str, Path))]
         if live != LiveOptions() or any(map(live.listens, paths)):
             raise OptionError("a live source is compared alone, with several filters; several were named")
-        if output.save_run is not None:
+        if output.folder is not None:
             advice = "replay each with --save-run, then compare"
             raise OptionError(f"--save-run saves runs of one session; {advice}")
         asked = Path(library) if isinstance(library, str) else library
-        playback = _sessions_playback(sources, asked, one_filter(given), reading, listener)
+        if len(filters) > 1:
+            raise OptionError(f"sessions are compared with one filter, found {len(filters)}; give one")
+        spec = filters[0] if filters else Filter()
+        playback = _sessions_playback(sources, asked, spec, reading, listener)
         return _play(playback, output, listener, report)
-    specs = specs_of(given)
+    if len(filters) == 1:
+        raise OptionError(f"found 1 run to compare, {filters[0].label}; give another filter as well")
+    specs = told_apart(filters or [Filter(feature=name) for name in COLOR_AND_BLENDED])
     _check_count(len(specs))
     return replay_source(sources[0], library, specs, output, reading, live, listener, report)
 
 
-def _play(playback: Playback, output: OutputOptions, listener: Listener, report: Report) -> RunScores:
+def _play(playback: Playback, output: Output, listener: Listener, report: Report) -> RunScores:
     labels = [run.label for run in playback.views] if output.stem == SEVERAL else []
     return play(playback, output.named(labels), listener, report=report)
 
@@ -142,90 +123,6 @@ def _play(playback: Playback, output: OutputOptions, listener: Listener, report:
 def _check_count(found: int, fewest: int = 2) -> None:
     if not fewest <= found <= MOST_RUNS:
         raise OptionError(f"2 to {MOST_RUNS} runs can be compared, found {found}")
-
-
-# In what runs differ: exactly one kind of option is given several times, and names the runs.
-
-Given = Mapping[str, Sequence[Any]]  # by the names of RunSpec's fields, what was given of each
-
-
-def specs_of(given: Given) -> list[RunSpec]:
-    """Return a run for each value of the one option that has several; the others hold for all.
-
-    AMCL's parameters are a filter of their own, and compared with presets. Without any such option and
-    without a feature, color and blended are compared. OptionError for others.
-    """
-    several = [kind for kind, values in given.items() if len(values) > 1]
-    if len(several) > 1:
-        words = " and ".join(f"--{_option(kind)}" for kind in several)
-        raise OptionError(f"{words} are given several times; give exactly one option several times")
-    amcl = given["config"] and RunSpec(config=given["config"][0]).amcl
-    if amcl and given["preset"] and several in ([], ["config"], ["preset"]):
-        return [*_runs("config", {**given, "preset": ()}), *_runs("preset", {**given, "config": ()})]
-    if not several and given["feature"]:
-        raise OptionError(f"found 1 run to compare; give one of {KINDS} several times")
-    return _runs(several[0], given) if several else _runs("feature", {**given, "feature": COLOR_AND_BLENDED})
-
-
-def _runs(kind: str, given: Given) -> list[RunSpec]:
-    """Return a run for each value of one option; the first of every other holds for all."""
-    common = {name: values[0] for name, values in given.items() if values and name != kind}
-    named = zip(given[kind], _names(kind, given[kind]), strict=True)
-    return [RunSpec(**common, **{kind: value}, name=name) for value, name in named]
-
-
-def _option(kind: str) -> str:
-    return "set" if kind == "settings" else kind
-
-
-def one_filter(given: Given) -> RunSpec:
-    """Return the filter that several sessions are replayed with. OptionError if there would be several."""
-    for kind, values in given.items():
-        if len(values) > 1:
-            raise OptionError(f"sessions are compared with one filter; give --{_option(kind)} once")
-    return RunSpec(**{kind: values[0] for kind, values in given.items() if values})
-
-
-def _names(kind: str, values: Sequence[Any]) -> list[str]:
-    if kind == "config":
-        return names_of([value.with_suffix("") for value in values])
-    if kind == "settings":
-        return _setting_names(values)
-    if kind in ("seed", "particles"):
-        return [f"{kind} {value}" for value in values]
-    return [value if isinstance(value, str) else f"start {number}" for number, value in enumerate(values, 1)]
-
-
-def _setting_names(values: Sequence[Mapping[str, Any]]) -> list[str]:
-    keys = list(dict.fromkeys(key for settings in values for key in settings))
-    differing = [key for key in keys if len({str(settings.get(key)) for settings in values}) > 1]
-    words = [
-        {key: _setting_word(key, settings.get(key, "default")) for key in differing} for settings in values
-    ]
-    return [" ".join(run.values()) or "set" for run in words]
-
-
-def _setting_word(key: str, value: Any) -> str:
-    """Return a value as a run's name may hold it: of a file of motion parameters, its stem."""
-    file = motion_file({key: value})
-    return str(value) if file is None else file.stem
-
-
-def names_of(paths: Sequence[Path]) -> list[str]:
-    """Name paths by the last part in which they differ, and as many before it as distinguish them.
-
-    `a/session` and `b/session` are "a" and "b". What cannot be distinguished (the same path twice) keeps one
-    name; `unique_labels` numbers those.
-    """
-    whole = [path.absolute().parts[1:] for path in paths]
-    different = len(set(whole))
-    typed = [tuple(part for part in path.parts if part not in (path.anchor, "..")) for path in paths]
-    parts = typed if all(typed) and len(set(typed)) == different else whole
-    while different > 1 and min(map(len, parts)) > 1 and len({path[-1] for path in parts}) == 1:
-        parts = [path[:-1] for path in parts]
-    depths = range(1, max(map(len, parts)) + 1)
-    named = ([" ".join(path[-depth:]) for path in parts] for depth in depths)
-    return next(names for names in named if len(set(names)) == different)
 
 
 # Comparing what was made separately: saved runs, and sessions that are replayed with one filter.
@@ -263,8 +160,8 @@ def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
 def _sessions_playback(
     sources: Sequence[AnySource],
     library: Path | Library | None,
-    spec: RunSpec,
-    reading: ReadingOptions,
+    spec: Filter,
+    reading: Reading,
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""

@@ -25,7 +25,7 @@ from maurice_loaders.export.session import (
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.ros_maps import write_ros_map
 from maurice_loaders.files.writing import expect_absent, expect_apart, writing
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import PLACEHOLDER, Picture, Recording
 from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
@@ -59,7 +59,7 @@ def convert(
     target: str | Path,
     *,
     pictures: PictureKind = "png",
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> Conversion:
@@ -78,7 +78,7 @@ def convert(
         >>> converted.file.name, converted.counts.pictures
         ('session.log', 14)
     """
-    source, target, options = Path(source), Path(target), reading or ReadingOptions()
+    source, target, options = Path(source), Path(target), reading or Reading()
     if target.suffix not in (LOG, MCAP, ""):
         raise OptionError(f"OUT is a folder, or ends in {LOG} or {MCAP}; found {target.name!r}")
     if pictures not in PICTURES:
@@ -156,7 +156,7 @@ def build_map(
     to: str | Path,
     *,
     until: float = 1.0,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> BuiltMap:
@@ -178,7 +178,7 @@ def build_map(
         >>> built.file.name, round(built.to_json()["free_m2"])
         ('map.yaml', 12)
     """
-    path, file, options = Path(recording), Path(to), reading or ReadingOptions()
+    path, file, options = Path(recording), Path(to), reading or Reading()
     if not 0 < until <= 1:
         raise OptionError(f"--until is a share above 0, at most 1, found {until:g}")
     file = file if file.suffix == ".yaml" else file / "map.yaml"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,16 +14,17 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.paths import A_RUN
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.formats.registry import open_recording, unlike
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Recording, checked
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import Failure, title_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.values import F64, plain
+from maurice_mcl.values import plain
 
 from ..entities import Phase, Place, open_command
 from ..errors import SILENT, Listener, OptionError
+from ..running.filters import AnyFilter
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure, say_remedy
 from ..text.findings import brief
@@ -139,16 +139,9 @@ class Diagnoses:
 def diagnose(
     source: str | Path,
     library: str | Path | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    feature: str | None = None,
-    preset: str | None = None,
-    particles: int | None = None,
-    seed: int = 0,
-    start: str | F64 | None = None,
-    config: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[str] = (),
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     listener: Listener = SILENT,
 ) -> Diagnoses:
     """Say why a filter was lost: one cause for each time, with the numbers that decided (docs/diagnose.md).
@@ -165,20 +158,7 @@ def diagnose(
     source = Path(source)
     if source.suffix == ".rrd":
         raise unlike(source, A_RUN)
-    scores = replay(
-        source,
-        library,
-        feature=feature,
-        preset=preset,
-        particles=particles,
-        seed=seed,
-        start=start,
-        config=config,
-        settings=settings,
-        sensors=sensors,
-        reading=reading,
-        listener=listener,
-    )
+    scores = replay(source, library, filter, reading=reading, listener=listener)
     saved, recorded = is_saved(source), _recorded(source)
     several = len(scores.runs) > 1
     return Diagnoses(
@@ -193,11 +173,11 @@ def diagnose(
             )
             for run in scores.runs
         ),
-        _doubts(source, reading or ReadingOptions()),
+        _doubts(source, reading or Reading()),
     )
 
 
-def _doubts(source: Path, reading: ReadingOptions) -> tuple[str, ...]:
+def _doubts(source: Path, reading: Reading) -> tuple[str, ...]:
     """Return what is wrong with a recording, by its numbers alone; nothing of one that is gone."""
     from maurice_loaders.runs.store import open_runs  # loads polars
 

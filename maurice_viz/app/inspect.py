@@ -17,7 +17,7 @@ from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions, write_reading
+from maurice_loaders.reading.options import Reading, write_reading
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.comparison import RunComparison
@@ -54,7 +54,7 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
         >>> found.name
         'session-log'
     """
-    forms = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
+    forms = list(all_formats().values()) if path is None else [chosen(Path(path), Reading())]
     return [FormatInfo(form.name, form.what, form.extra, form.installed) for form in forms]
 
 
@@ -72,7 +72,7 @@ class InspectedRecording:
         return {"format": self.format} | contents
 
 
-def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> InspectedRecording:
+def inspect(session: str | Path, *, reading: Reading | None = None) -> InspectedRecording:
     """Return a recording's format and what it holds: counts, rates, distances, problems.
 
     Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError if the
@@ -83,7 +83,7 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
         >>> inspected.contents.records["image"]
         14
     """
-    path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
+    path, options = Path(session), replace(reading or Reading(), keep_going=True)
     form, contents = chosen(path, options), inspect_file(path, options)
     doubts = [brief(finding) for finding in contents.implausible]
     warnings, has_map = (*doubts, *_about_places(path, contents), *contents.warnings), contents.has_map
@@ -112,7 +112,7 @@ def doctor(
     library: str | Path | None = None,
     *,
     pictures: bool = True,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     to: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -129,7 +129,7 @@ def doctor(
         >>> len(examination.findings)
         0
     """
-    path, options = Path(session), reading or ReadingOptions()
+    path, options = Path(session), reading or Reading()
     if to is not None:
         expect_absent(Path(to), force=force)
     references, unusable = _library(path, library, options, listener) if pictures else (None, [])
@@ -141,7 +141,7 @@ def doctor(
 
 
 def _library(
-    session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
+    session: Path, library: str | Path | None, options: Reading, listener: Listener
 ) -> tuple[Library | None, list[Finding]]:
     """Open the library that was asked for; else the header's or the bag's map, if it is there and of use."""
     opened = None if library else open_any(session, options)

@@ -19,7 +19,7 @@ from maurice_loaders.libraries.files import LIBRARY, hash_file
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import session_in
 from maurice_mcl.fitting import sensor as fitting
@@ -62,7 +62,7 @@ def build_library(
     map_file: str | Path | None = None,
     map_unit: str = "mm",
     landmarks: bool = False,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> BuiltLibrary:
@@ -82,7 +82,7 @@ def build_library(
         >>> built.library.size
         160
     """
-    survey, options = Path(survey), reading or ReadingOptions()
+    survey, options = Path(survey), reading or Reading()
     spacing = _spacing_of(every)
     writing.check_target(Path(to), LIBRARY, force=force)
     writing.expect_apart(Path(to), survey, *map(Path, add))
@@ -213,7 +213,7 @@ def tune(
     score: Sequence[str | Path] = (),
     channels: Sequence[str] | None = None,
     to: str | Path | None = None,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> TuningResult:
@@ -244,7 +244,7 @@ def tune(
     opened = library_at(path, listener)
     for text in say_default(opened, fitted=False):
         listener.warning(text)
-    tuning = _Tuning(path, opened, _wanted(path, opened, channels), reading or ReadingOptions(), listener)
+    tuning = _Tuning(path, opened, _wanted(path, opened, channels), reading or Reading(), listener)
     result = _tuned(tuning, fit, test)
     if not test:
         where = "the drives fitted on" if fit else "the library itself"
@@ -261,7 +261,7 @@ class _Tuning:
     path: Path
     library: Library
     channels: tuple[str, ...]
-    reading: ReadingOptions
+    reading: Reading
     listener: Listener
 
     @property

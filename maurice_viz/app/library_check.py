@@ -11,7 +11,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.build import adapted
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
@@ -122,7 +122,7 @@ def check_library(
     to: str | Path | None = None,
     poses: str | Path | None = None,
     drive: str | Path | None = None,
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> LibraryCheck:
@@ -148,7 +148,7 @@ def check_library(
         expect_absent(Path(poses), force=force)
     opened, recorded = library_at(path, listener), None
     if drive is not None:
-        options = reading or ReadingOptions()
+        options = reading or Reading()
         recorded = open_session(Path(drive), options, listener)
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]

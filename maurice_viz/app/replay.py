@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import check_run_target, is_saved
-from maurice_mcl.values import F64, Library
+from maurice_mcl.values import Library
 
 from ..errors import SILENT, Listener, OptionError
-from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
+from ..layouts import RECORDED_LAYOUT_NAMES
 from ..playback import FilterRun, run_together, shared
 from ..running import open as opening
+from ..running.filters import AnyFilter, Filter, filter_of, read_as_amcl, words_of
 from ..running.live import LiveOptions, follow_source
-from ..running.output import OutputOptions, output_of, show_recording, window_ahead
+from ..running.output import Output, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark
-from ..running.run_spec import RunSpec, read_as_amcl, words_of
 from ..running.saving import Inputs, filters_to_save, saving
 from ..scene import RunView, Scene
 
@@ -27,24 +26,15 @@ from ..scene import RunView, Scene
 def replay(
     session: str | Path | RecordedSession,
     library: str | Path | Library | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    feature: str | None = None,
-    preset: str | None = None,
-    particles: int | None = None,
-    seed: int = 0,
-    start: str | F64 | None = None,
-    config: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[str] = (),
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     live: LiveOptions | None = None,
     as_recorded: bool = False,
     to: str | Path | None = None,
     save_run: str | Path | None = None,
-    layout: str | None = None,
-    detail: str = DETAILS[0],
     force: bool = False,
-    output: OutputOptions | None = None,
+    output: Output | None = None,
     report: Report = lambda scores: None,
     listener: Listener = SILENT,
 ) -> RunScores:
@@ -52,43 +42,39 @@ def replay(
 
     `session` is the path of a session log, of a recording of any format or of a saved run, a live source
     (`live` says how it is listened to), or a session that `maurice_loaders.open_session` opened. `library` is
-    a library, its folder or a survey log; None: the one that the session's header names. `feature`, `preset`,
-    `config` (a TOML file) and `settings` (values by key of the configuration, such as
-    `{"sensor.sharpness": 2}`; `motion` may name a file) choose the filter, the later over the earlier.
-    `sensors` are pose sensors of other packages by name, such as "beacon" or "module:Class".
-    `start` is "tracking", "truth", "global", "X,Y,HEADING" in display units and degrees, or a pose (3,) in
-    meters and radians. `reading` says how a recording is read. With `as_recorded` the particles of a
-    localizer in a bag are shown and scored, and no filter runs. `to` is the Rerun recording (.rrd) to write,
-    `save_run` the folder to save every step to; what exists is an error unless `force`. `output` says these
-    at once, and whether a viewer opens. Without a library a recording shows the drive alone, and the scores
-    hold no run. `report` gets the scores as well, also those of a replay that is stopped.
+    a library, its folder or a survey log; None: the one that the session's header names. `filter` is a
+    `Filter`, or the name of a preset or feature. `reading` says how a recording is read. With `as_recorded`
+    the particles of a localizer in a bag are shown and scored, and no filter runs. `to` is the Rerun
+    recording (.rrd) to write, `save_run` the folder to save every step to; what exists is an error unless
+    `force`. `output` says these at once, and layout, detail, and whether a viewer opens. Without a library a
+    recording shows the drive alone, and the scores hold no run. `report` gets the scores as well, also those
+    of a replay that is stopped.
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
         >>> import maurice_viz as mv
-        >>> scores = mv.replay("session.log", feature="color", particles=50, to="out.rrd")
+        >>> scores = mv.replay("session.log", filter=mv.Filter("color", particles=50), to="out.rrd")
         >>> round(scores.runs[0].score.position_error_mean_m, 2)
         0.02
     """
-    spec = RunSpec.of(preset, feature, particles, seed, start, config, settings, sensors)
-    output = output_of(session, output, to, save_run, layout, detail, force=force)
-    reading, live = reading or ReadingOptions(), live or LiveOptions()
+    output = output_of(session, output, to, save_run, force=force)
+    reading, live, spec = reading or Reading(), live or LiveOptions(), filter_of(filter)
     return _replayed(session, library, spec, output, reading, live, as_recorded, listener, report)
 
 
 def _replayed(
     session: str | Path | RecordedSession,
     library: str | Path | Library | None,
-    spec: RunSpec,
-    output: OutputOptions,
-    reading: ReadingOptions,
+    spec: Filter,
+    output: Output,
+    reading: Reading,
     live: LiveOptions,
     as_recorded: bool,
     listener: Listener,
     report: Report,
 ) -> RunScores:
     """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
-    plain = spec == RunSpec() and library is None and output.save_run is None
+    plain = spec == Filter() and library is None and output.folder is None
     if not isinstance(session, (str, Path)):
         return replay_source(session, library, [spec], output, reading, live, listener, report, alone=True)
     path = Path(session)
@@ -98,7 +84,7 @@ def _replayed(
         show_recording(path, listener, output)
         return RunScores(())
     if as_recorded:
-        if spec != RunSpec() or isinstance(library, Library):
+        if spec != Filter() or isinstance(library, Library):
             only = "only options of reading and of the output apply, and the path of a map"
             raise OptionError(f"--as-recorded runs no filter: {only}")
         if live.listens(path):
@@ -106,17 +92,17 @@ def _replayed(
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        if output.save_run is not None:
-            check_run_target(output.save_run, force=output.force)
+        if output.folder is not None:
+            check_run_target(output.folder, force=output.force)
         from ..running.recorded import open_recorded, playback_of_recorded, recorded_to_save
 
         place = None if library is None else Path(library)
         recorded = open_recorded(path, reading, place)
-        savers = None if output.save_run is None else saving(recorded_to_save(recorded, reading), output)
+        savers = None if output.folder is None else saving(recorded_to_save(recorded, reading), output)
         named = output.named(["as recorded"])
         return play(playback_of_recorded(recorded, listener), named, listener, savers, report)
     if is_saved(path) and live == LiveOptions():
-        if not plain or reading != ReadingOptions():
+        if not plain or reading != Reading():
             raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
         from ..running.saved import open_saved, playback_of  # loads polars, which a plain replay does without
 
@@ -127,9 +113,9 @@ def _replayed(
 def replay_source(
     session: str | Path | RecordedSession,
     library: str | Path | Library | None,
-    specs: Sequence[RunSpec],
-    output: OutputOptions,
-    reading: ReadingOptions,
+    specs: Sequence[Filter],
+    output: Output,
+    reading: Reading,
     live: LiveOptions,
     listener: Listener,
     report: Report,
@@ -154,24 +140,24 @@ def replay_source(
 def replay_session(
     session: str | Path | RecordedSession,
     library: str | Path | Library | None,
-    specs: Sequence[RunSpec],
-    output: OutputOptions,
-    reading: ReadingOptions,
+    specs: Sequence[Filter],
+    output: Output,
+    reading: Reading,
     listener: Listener,
     report: Report,
     *,
     alone: bool = False,
 ) -> RunScores:
     """Replay a recorded session as `replay_source` does."""
-    if output.save_run is not None:
-        check_run_target(output.save_run, force=output.force)
+    if output.folder is not None:
+        check_run_target(output.folder, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
     reading, specs = read_as_amcl(session, reading, specs, listener)
     opened = opening.open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
-    plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
-    alone = alone and plain and output.alone and not output.no_recording
+    plain = list(specs) == [Filter()] and output.folder is None and output.layout is None
+    alone = alone and plain and output.alone and output.draws
     place = opening.library_of(opened, asked)
     if place is None and alone:
         from ..running.drive import show_alone  # imports Rerun

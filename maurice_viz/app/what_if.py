@@ -24,12 +24,11 @@ from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values import FilterState, Moment, Past, StepRecord, plain
 
 from ..errors import SILENT, Listener, OptionError
-from ..layouts import DETAILS
 from ..playback import ResultCollector
+from ..running.filters import AnyFilter, filter_of
 from ..running.open import unique_labels
-from ..running.output import OutputOptions, output_of
+from ..running.output import Output, output_of
 from ..running.run import Playback, RunScores, play
-from ..running.run_spec import settings_with
 from ..running.saved import remark_saved, view_of
 from ..scene import RunView, Scene
 from ..style import scale_for
@@ -78,43 +77,40 @@ class WhatIf:
 def what_if(
     run: str | Path,
     from_step: int | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    preset: str | None = None,
-    feature: str | None = None,
-    particles: int | None = None,
     seed: int | None = None,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[str] = (),
-    start: str | None = None,
     to: str | Path | None = None,
-    layout: str | None = None,
-    detail: str = DETAILS[0],
     force: bool = False,
-    output: OutputOptions | None = None,
+    output: Output | None = None,
     listener: Listener = SILENT,
 ) -> WhatIf:
     """Branch a saved run after a step, with something changed, and compare the branch with the run.
 
     Both have the same steps up to `from_step` (0: none, and the branch begins as a replay would; None: up
-    to the one before the first loss). From there on, `preset`, `feature`, `particles` and `settings` choose
-    the filter as in `replay`; what is not given stays, and the `sensors` of other packages are these. With
-    `start="global"` the branch begins with particles over all free space. The random numbers are those that
-    the run drew, unless a `seed` is given. `to` is the Rerun recording (.rrd) to write, of both side by side;
-    `output` also says whether a viewer opens.
+    to the one before the first loss). From there on the `filter` is as in `replay`; what it does not say
+    stays. With its `start="global"` the branch begins with particles over all free space. The random numbers
+    are those that the run drew, unless a `seed` is given. `to` is the Rerun recording (.rrd) to write, of
+    both side by side; `output` also says whether a viewer opens.
 
     InputError for bad files, and where the session or library is gone; OptionError for bad arguments.
 
         >>> import maurice_viz as mv
         >>> mv.what_if("my-run", 5).same
         True
-        >>> mv.what_if("my-run", 5, particles=100).same_until
+        >>> mv.what_if("my-run", 5, mv.Filter(particles=100)).same_until
         5
     """
-    if start not in (None, GLOBAL):
+    asked = filter_of(filter)
+    if asked.start not in (None, GLOBAL):
+        start = asked.start
         raise OptionError(f"--start: a branch begins where the particles are, or {GLOBAL}; found {start!r}")
-    changed = settings_with(read_settings(settings or {}), sensors)
-    change = BranchChange(preset, feature, particles, seed, changed, anywhere=start == GLOBAL)
-    output = output_of(Path(run), output, to, None, layout, detail, force=force)
+    if asked.config is not None:
+        raise OptionError("--config: a branch changes settings of the run; give them by `settings`")
+    changed = read_settings(asked.parts | dict(asked.settings))
+    anywhere = asked.start == GLOBAL
+    change = BranchChange(asked.preset, asked.feature, asked.particles, seed, changed, anywhere=anywhere)
+    output = output_of(Path(run), output, to, force=force)
     return _branched(Path(run), from_step, change, output, listener)
 
 
@@ -122,7 +118,7 @@ def _branched(
     run: Path,
     from_step: int | None,
     change: BranchChange,
-    output: OutputOptions,
+    output: Output,
     listener: Listener,
 ) -> WhatIf:
     point = open_branch(run, listener)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from maurice_mcl.scoring.demands import Demands
+
 from ..app.check.check import CheckResult
 from ..app.check.check import check as run_check
 from ..app.check.drive import DriveCheck
+from ..running.output import by_suffix
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
-from .shared.values import by_suffix, read_length
+from .shared.values import read_length
 
 DEMANDS, COMPARE, OUTPUT = "Demands", "Baseline", "Output"
 MET, FAILED = "held", "FAILED"
@@ -44,12 +47,10 @@ class DemandSet:
     ] = 0.95
     seeds: Annotated[int, option("--seeds", "Runs with seeds 0, 1, 2, ...", DEMANDS, min=1, max=10_000)] = 1
 
-    def arguments(self) -> dict[str, Any]:
+    def demands(self) -> Demands:
         """Return all of it as `maurice_viz.check` takes it."""
         length_m = None if self.max_error is None else read_length(self.max_error, "--max-error")
-        demands = {field.name: getattr(self, field.name) for field in fields(self)}
-        del demands["max_error"]
-        return demands | {"max_error_m": length_m}
+        return Demands(length_m, self.localized_by, self.converged_by, self.min_localized)
 
 
 def check(
@@ -83,13 +84,13 @@ def check(
     with listening() as listener:
         result = run_check(
             sessions,
-            **demands.arguments(),
-            **chosen.arguments(),
+            chosen.library,
+            chosen.filter(),
+            demands=demands.demands(),
+            seeds=demands.seeds,
             reading=reading.options(),
             against=against,
-            save_baseline=outputs.get(".parquet"),
-            junit=outputs.get(".xml"),
-            artifacts=artifacts,
+            to=[*outputs.values(), *([artifacts] if artifacts else [])],
             force=force,
             listener=listener,
         )

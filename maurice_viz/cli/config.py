@@ -8,7 +8,7 @@ import typer
 
 from maurice_loaders.config_files import check_config, configuration_of, to_toml
 
-from ..running.run_spec import RunSpec
+from ..running.filters import Filter
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, print_json
 from .shared.values import settings_of
@@ -26,7 +26,7 @@ def config(
     """
     if file is not None:
         check_config(file)
-        amcl = RunSpec(config=file).amcl
+        amcl = Filter(config=file).amcl
         for text in () if amcl is None else amcl.remarks:
             TO_CONSOLE.remark(f"{file}: {text}")
     effective = configuration_of(preset, file, os.environ, settings_of(settings))

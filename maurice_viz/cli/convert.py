@@ -53,7 +53,7 @@ def record(
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
+    reading: opt.ReadingPairs = None,
 ) -> None:
     """Record a live source into a session log, until it ends or you press Ctrl-C."""
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
@@ -208,7 +208,7 @@ def pictures(
     ],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, opt.writes("DIR", "The folder to write.")],
-    reading: opt.Reading = None,
+    reading: opt.ReadingPairs = None,
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = "mm",
     every: Annotated[

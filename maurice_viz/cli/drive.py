@@ -10,6 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -61,7 +62,10 @@ def drive(
     if sys.platform == "win32":
         fail(NO_POSIX)
     os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
+    from maurice_datasets.sessions import simulation_plan
+
     from ..app.drive.drive import drive as drive_robot
+    from ..running.filters import Filter
     from ..running.output import serving
 
     name = new_name()
@@ -71,15 +75,8 @@ def drive(
         with serving(output, status), typed_keys() as keys:
             drive_robot(
                 keys,
-                world=world.world,
-                tier=world.tier,
-                seed=seed,
-                arena_seed=world.arena_seed,
-                half_resolution=world.half_resolution,
-                laser=laser,
-                preset=preset,
-                particles=particles,
-                start=start,
+                simulation_plan(start, **asdict(world), seed=seed, laser=laser),
+                Filter(preset, particles=particles, seed=seed),
                 folder=name,
                 output=output,
                 tell=status.tell,

@@ -122,12 +122,12 @@ def _draw(path: Path, recording_id: str | None) -> None:
 
 def _usual_run(log: RecordedSession) -> Playback:
     from ..app.replay import playback_of_session
+    from ..running.filters import Filter
     from ..running.open import make_runs, open_library_for
-    from ..running.run_spec import RunSpec
     from .shared.console import TO_CONSOLE
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
-    runs = make_runs(log, library, [RunSpec()], TO_CONSOLE)
+    runs = make_runs(log, library, [Filter()], TO_CONSOLE)
     return playback_of_session(log, library, runs, log.overview(), TO_CONSOLE)
 
 

@@ -20,13 +20,14 @@ from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
 from ..app.library_check import LibraryCheck, check_library
 from ..running.open import library_at
+from ..running.output import by_suffix
 from ..style import Scale, scale_for, units_named
 from ..text.explanation import SHARES, say_times
 from ..text.library import drive_score_of, say_drive, say_places, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
-from .shared.values import by_suffix, reading_of
+from .shared.values import reading_of
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 MOST_PAIRS = 10  # listed; JSON has them all
@@ -198,7 +199,7 @@ def check(
             "`survey --poses`. Repeatable.",
         ),
     ] = None,
-    reading: opt.Reading = None,
+    reading: opt.ReadingPairs = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:

@@ -43,7 +43,7 @@ def inspect(
         ),
     ] = None,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
+    reading: opt.ReadingPairs = None,
 ) -> None:
     """List what a recording holds: format, counts, rates, pictures, problems; or a saved run's events."""
     if path is None:
@@ -195,7 +195,7 @@ def doctor(
         bool, option("--strict", "Exit with status 1 when something is wrong, for CI.")
     ] = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
+    reading: opt.ReadingPairs = None,
 ) -> None:
     """Find what is wrong in a recording: signs, units, frames, clocks, cameras; and what fixes it."""
     read_by = reading_of(reading)

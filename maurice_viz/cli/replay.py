@@ -34,7 +34,11 @@ if TYPE_CHECKING:
 
 ENDED_LOST = 3  # exit status of a live replay with --on-lost whose source ended while a run was lost
 KIDNAPPED, FEATURES, LASER = STORIES = ("kidnapped", "features", "laser")  # of the demo
-STORY_PRESETS = {KIDNAPPED: ("thesis", "robust"), FEATURES: (), LASER: ("amcl", "laser")}
+STORY_FILTERS = {
+    KIDNAPPED: ("thesis", "robust"),
+    FEATURES: ("color", "blended"),
+    LASER: ("amcl", "laser"),
+}
 
 
 def replay(
@@ -58,8 +62,8 @@ def replay(
     with listening(usage=False) as listener, serving(output, listener):
         scores = replay_once(
             session,
-            **chosen.arguments(),
-            seed=seed,
+            chosen.library,
+            chosen.filter(seed),
             reading=reading.options(),
             live=listening_to,
             as_recorded=as_recorded,
@@ -131,7 +135,8 @@ def compare(
     with listening(usage=False) as listener, serving(output, listener):
         scores = compare_runs(
             paths,
-            **chosen.arguments(),
+            chosen.library,
+            chosen.filters(len(paths)),
             reading=reading.options(),
             live=listening_to,
             output=output,
@@ -165,7 +170,6 @@ def demo(
     if session_only is not None:
         _write_demo(session_only, story, force=drawing.force, json_output=json_output)
         return
-    from ..app.compare import COLOR_AND_BLENDED
     from ..app.compare import compare as compare_runs
     from ..running.output import serving
 
@@ -180,8 +184,7 @@ def demo(
         with serving(output, listener):
             compare_runs(
                 paths.session,
-                presets=STORY_PRESETS[story],
-                features=COLOR_AND_BLENDED if story == FEATURES else (),
+                filters=STORY_FILTERS[story],
                 output=output,
                 report=printed(json_output, all_rows=all_rows),
                 listener=listener,

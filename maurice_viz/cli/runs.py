@@ -53,7 +53,7 @@ def diagnose(
         if output is not None:
             expect_drawable(source, output, force=force)
         diagnoses = diagnose_runs(
-            source, **chosen.arguments(), seed=seed, reading=reading.options(), listener=listener
+            source, chosen.library, chosen.filter(seed), reading=reading.options(), listener=listener
         )
         if json_output:
             print_json(diagnoses)
@@ -199,7 +199,7 @@ def budget(
 
     with listening() as listener:
         shares = error_budget(
-            source, **chosen.arguments(), reading=reading.options(), seeds=seeds, listener=listener
+            source, chosen.library, chosen.filter(), reading=reading.options(), seeds=seeds, listener=listener
         )
     if json_output:
         print_json(shares)
@@ -251,10 +251,6 @@ class ChangeSet:
     settings: opt.Set = None
     sensors: opt.Sensors = None
 
-    def arguments(self) -> dict[str, Any]:
-        """Return all of it as `maurice_viz.what_if` takes it."""
-        return opt.arguments_of(self)
-
 
 def what_if(
     run: opt.Run,
@@ -292,7 +288,9 @@ def what_if(
     drawing = replace(drawing, layout=drawing.layout or "compare")
     output = drawing.output(run.absolute().name)
     with listening(usage=False) as listener, serving(output, listener):
-        compared = branch(run, from_step, **change.arguments(), output=output, listener=listener)
+        compared = branch(
+            run, from_step, opt.filter_from(change), seed=change.seed, output=output, listener=listener
+        )
     TO_CONSOLE.end()
     if json_output:
         print_json(compared)

@@ -11,10 +11,11 @@ import typer
 
 from maurice_loaders.errors import InputError
 
+from ..running.output import by_suffix
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import MOST_SEED, argument, completed, option
-from .shared.values import by_suffix, read_length
+from .shared.values import read_length
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address

@@ -21,7 +21,7 @@ from ..errors import Listener
 from ..layouts.drive import drive_blueprint
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from .open import remark_skipped, warn_implausible
-from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, sink_of
+from .output import NEXT_KEYS_HINT, Drawn, Output, sink_of
 
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
 LASER_ADVICE = "The drive has scans of a laser, for which a map is enough: add --map map.yaml."
@@ -39,7 +39,7 @@ def advice_for(path: Path, drive: DriveView) -> str:
     )
 
 
-def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener) -> Path | None:
+def show_alone(whole: RecordedSession, output: Output, listener: Listener) -> Path | None:
     """Draw a drive by itself; return the recording, None for a viewer. InputError without anything to draw.
 
     KeyboardInterrupt goes on when the recording up to that point is written.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from maurice_loaders.errors import SourceError
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading.observations import gate_of
-from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
+from maurice_loaders.reading.options import MADE_ODOMETRY, Reading
 from maurice_loaders.runs.manifest import check_run_target
 from maurice_mcl.values import Library, Moment
 
@@ -20,9 +20,9 @@ from ..errors import Listener, OptionError
 from ..playback import ResultCollector, run_together, shared
 from ..scene import RunView, Scene
 from . import open as opening
-from .output import OutputOptions
+from .filters import Filter, read_as_amcl, words_of
+from .output import Output
 from .run import Playback, Report, RunScores, play, remark_zeros
-from .run_spec import RunSpec, read_as_amcl, words_of
 from .saving import Inputs, filters_to_save, saving
 from .watch import LossCommand, Watch
 
@@ -39,7 +39,7 @@ class LiveOptions:
 
     >>> import maurice_viz as mv
     >>> followed = mv.LiveOptions(follow=True, patience_s=0.1)
-    >>> mv.replay("session.log", particles=50, live=followed, to="live.rrd").runs[0].score.updates
+    >>> mv.replay("session.log", live=followed, to="live.rrd").runs[0].score.updates
     14
     """
 
@@ -62,18 +62,18 @@ def patience_of(seconds: float | None) -> Patience:
 def follow_source(
     source: Path,
     library: Path | None,
-    specs: Sequence[RunSpec],
-    output: OutputOptions,
+    specs: Sequence[Filter],
+    output: Output,
     live: LiveOptions,
-    reading: ReadingOptions,
+    reading: Reading,
     listener: Listener,
     report: Report,
 ) -> RunScores:
     """Localize on a live source, once for each spec, until it ends or is stopped. InputError, OptionError."""
-    if output.save_run is not None:
+    if output.folder is not None:
         if live.capture is None:
             raise OptionError("--save-run of a live source needs what came as well: add --capture DIR")
-        check_run_target(output.save_run, force=output.force)
+        check_run_target(output.folder, force=output.force)
     options = [option for option in MADE_ODOMETRY if getattr(reading, option)]
     if reading.corrections or options:
         what = reading.corrections[0] if reading.corrections else f"--reading {options[0]}=true"
@@ -108,9 +108,9 @@ def follow_source(
 
 def _localize(
     session: LiveSession,
-    specs: Sequence[RunSpec],
-    output: OutputOptions,
-    reading: ReadingOptions,
+    specs: Sequence[Filter],
+    output: Output,
+    reading: Reading,
     watch: Watch,
     listener: Listener,
     report: Report,
@@ -131,7 +131,7 @@ def _localize(
             replace(run, start=None) if spec.start is None else run
             for run, spec in zip(runs, specs, strict=True)
         ]
-    captured = ReadingOptions(
+    captured = Reading(
         camera=reading.camera, min_distance_m=reading.min_distance_m, min_angle_rad=reading.min_angle_rad
     )
     inputs = Inputs(session, session.info.survey or session.path, 0, False, captured)
@@ -175,7 +175,7 @@ def _library(session: LiveSession, listener: Listener) -> Library:
     return opening.library_at(path, listener)
 
 
-def _joined_late(session: LiveSession, specs: Sequence[RunSpec], listener: Listener) -> bool:
+def _joined_late(session: LiveSession, specs: Sequence[Filter], listener: Listener) -> bool:
     """Return whether the robot has moved on from its header's start pose; remark what that means."""
     from maurice_loaders.live.session import CALENDAR_S
 

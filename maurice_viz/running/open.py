@@ -21,7 +21,7 @@ from maurice_loaders.files.paths import look_again
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
@@ -39,7 +39,7 @@ from ..style import Units, scale_for, units_named
 from ..text.findings import brief
 from ..text.library import say_drive, say_places
 from .drive_check import drive_pictures, suited
-from .run_spec import RunSpec, Start
+from .filters import Filter
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
@@ -59,7 +59,7 @@ def typed_pose(text: str, units: Units, wanted: str) -> F64:
 
 
 def start_pose(
-    start: Start, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
+    start: str | tuple[float, ...] | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
 ) -> F64 | None:
     """Return the pose (3,) in the map's frame at which the particles begin, or None for anywhere.
 
@@ -107,7 +107,7 @@ class SourcedSession(Session, Protocol):
 
 
 def open_session(
-    source: str | Path | RecordedSession, reading: ReadingOptions, listener: Listener
+    source: str | Path | RecordedSession, reading: Reading, listener: Listener
 ) -> RecordedSession:
     """Open a session of any format, unless it is open. InputError for what is no session."""
     if not isinstance(source, (str, Path)):
@@ -188,7 +188,7 @@ def remark_open(library: Library, listener: Listener) -> None:
 
 
 def make_runs(
-    session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
+    session: SourcedSession, library: Library, specs: Sequence[Filter], listener: Listener = SILENT
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library; remark what presets use.
 
@@ -211,7 +211,7 @@ def make_runs(
         except InputError as problem:
             raise InputError(session.path, problem.message) from None
         except ValueError as problem:  # bad motion parameters, in the configuration or in the header
-            file = motion_file(spec.settings)
+            file = motion_file(spec.changes)
             raise InputError(file or session.path, str(problem), None if file else 1) from None
         filters.append((*pair, start))
     labels = unique_labels([_label(*pair, library) for pair in zip(specs, asked, strict=True)])
@@ -279,7 +279,7 @@ EDGE_M = 0.05
 
 
 def _start(
-    spec: RunSpec,
+    spec: Filter,
     session: SourcedSession,
     library: Library,
     reference: NearestReference,
@@ -316,7 +316,7 @@ def landmarked(
     return [marked if asked else library for asked in asks]
 
 
-def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str:
+def _label(spec: Filter, configuration: Configuration, library: Library) -> str:
     """Return a run's name; without a camera the default run is named after its sensors."""
     is_chosen = spec.name or spec.preset or spec.config or spec.feature
     return spec.label if library.index or is_chosen else "-".join(configuration.parameters.sensor.weights)

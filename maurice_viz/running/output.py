@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from ..errors import Listener, OptionError, SinkError
 from ..layouts import COMPARE, DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..scene import Detail, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
-from .run_spec import check_name
+from .filters import check_name
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -61,34 +61,36 @@ LARGE_BYTES = 50_000_000  # bytes of a recording whose size and time are remarke
 SOME_MINUTES_S = 120.0
 
 
-@dataclass(frozen=True, slots=True)
-class OutputOptions:
-    """What is written and shown. OptionError for names that are not known.
+AUTO = "auto"  # in place of a recording's path: named after what it holds
 
-    The functions make one of their arguments `to`, `save_run`, `layout`, `detail` and `force`; a whole one
-    says more, such as that a viewer may open.
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What is written and shown of runs. OptionError for names that are not known.
+
+    `to`, `save_run` and `force` are arguments of the functions as well; a whole one says more, such as that a
+    viewer may open. Without `to` and `viewer` nothing is drawn.
 
         >>> import maurice_viz as mv
-        >>> nothing_drawn = mv.OutputOptions(no_recording=True)
-        >>> mv.replay("session.log", particles=50, output=nothing_drawn).rrd is None
-        True
+        >>> output = mv.Output(to="out.rrd", detail="light")
+        >>> mv.compare("session.log", output=output).rrd.name
+        'out.rrd'
     """
 
-    stem: str = "replay"  # of the recording, where `rrd` does not name it
-    rrd: Path | None = None  # the Rerun recording to write; then no viewer opens
-    headless: bool = False  # open no viewer even where there is a display
-    no_recording: bool = False  # neither viewer nor recording
+    to: str | Path | None = None  # the Rerun recording (.rrd) to write; "auto": named after what it holds
+    save_run: str | Path | None = None  # the folder to save every step to
+    layout: str | None = None  # the one that is open at first: story, compare, overview, ...
+    detail: str = DETAILS[0]  # how much of each step is drawn: full, events, light
     force: bool = False  # overwrite what is there
-    save_run: Path | None = None  # the folder to save the run to
-    layout: str | None = None  # the one that is open at first
+    viewer: bool = False  # open a viewer where there is a display and `to` is None; else as "auto"
     run: str | None = None  # whose tab is open in that layout
     place: Place | None = None  # where the viewer stands in the end; None: where its verdict says
-    detail: str = DETAILS[0]  # how much of each step is drawn
-    fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
-    alone: bool = True  # draw a drive without a library by itself; else that is an error
-    web: WebViewer | None = None  # show it in browsers: no window opens, and only a live source has a file
-    window: Window | None = None  # a viewer that was started ahead
-    is_temporary: bool = False  # the recording is shown and not kept
+    stem: str = "replay"  # of the recording, where `to` does not name it
+    fixed_stem: bool = field(default=False, repr=False)  # the stem is the whole name, whatever is drawn
+    alone: bool = field(default=True, repr=False)  # draw a drive without a library; else that is an error
+    web: WebViewer | None = field(default=None, repr=False)  # show it in browsers: no window opens
+    window: Window | None = field(default=None, repr=False)  # a viewer that was started ahead
+    is_temporary: bool = field(default=False, repr=False)  # the recording is shown and not kept
 
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
@@ -96,16 +98,28 @@ class OutputOptions:
         if self.detail == Detail.LIGHT.value and self.layout not in (None, *LIGHT_NAMES):
             names = " and ".join(LIGHT_NAMES)
             raise OptionError(f"--detail light has the layouts {names}, found {self.layout!r}")
-        if self.no_recording and self.rrd is not None:
-            raise OptionError("a recording is both asked for and excluded; give one of the two")
+
+    @property
+    def draws(self) -> bool:
+        """Whether anything is drawn."""
+        return self.to is not None or self.viewer or self.web is not None
+
+    @property
+    def file(self) -> Path:
+        """The Rerun recording that is written, where no viewer shows it."""
+        return Path(f"{self.stem}.rrd") if self.to in (None, AUTO) else Path(str(self.to))
+
+    @property
+    def folder(self) -> Path | None:
+        """Where the run is saved."""
+        return None if self.save_run is None else Path(self.save_run)
 
     @property
     def opens_window(self) -> bool:
         """Whether a viewer opens on this display."""
-        elsewhere = self.headless or self.no_recording or self.rrd is not None or self.web is not None
-        return not elsewhere and has_display()
+        return self.viewer and self.to is None and self.web is None and has_display()
 
-    def named(self, words: Iterable[str]) -> OutputOptions:
+    def named(self, words: Iterable[str]) -> Output:
         """Name the recording after its stem and what it holds, so that another one does not replace it."""
         if self.fixed_stem:
             return self
@@ -115,40 +129,36 @@ class OutputOptions:
 
 def output_of(
     source: object,
-    output: OutputOptions | None,
+    output: Output | None,
     to: str | Path | None = None,
     save_run: str | Path | None = None,
-    layout: str | None = None,
-    detail: str = DETAILS[0],
     *,
     force: bool = False,
-) -> OutputOptions:
-    """Return `output`, or what the other arguments ask for: no viewer, a recording only where it is named.
-
-    OptionError for both.
-    """
+) -> Output:
+    """Return `output`, or what the other arguments ask for. OptionError for both."""
     if output is None:
         stem = drive_name(Path(source)) if isinstance(source, (str, Path)) else "replay"
-        rrd, folder = None if to is None else Path(to), None if save_run is None else Path(save_run)
-        return OutputOptions(
-            stem,
-            rrd,
-            headless=True,
-            no_recording=rrd is None,
-            force=force,
-            save_run=folder,
-            layout=layout,
-            detail=detail,
-        )
-    if (to, save_run, layout, detail, force) != (None, None, None, DETAILS[0], False):
-        raise OptionError(
-            "`output` says all that `to`, `save_run`, `layout`, `detail` and `force` do; give one"
-        )
+        return Output(to, save_run, force=force, stem=stem)
+    if (to, save_run, force) != (None, None, False):
+        raise OptionError("`output` says all that `to`, `save_run` and `force` do; give one")
     return output
 
 
+def by_suffix(files: Iterable[str | Path] | None, suffixes: Sequence[str]) -> dict[str, Path]:
+    """Return the files of a repeated -o by their endings. OptionError for others, and for two alike."""
+    outputs: dict[str, Path] = {}
+    for file in map(Path, files or ()):
+        if file.suffix not in suffixes:
+            endings = " or ".join(suffix or "nothing (a folder)" for suffix in suffixes)
+            raise OptionError(f"-o ends in {endings}, found {str(file)!r}")
+        if file.suffix in outputs:
+            raise OptionError(f"-o gives two files that end in {file.suffix}; give one")
+        outputs[file.suffix] = file
+    return outputs
+
+
 @contextmanager
-def window_ahead(output: OutputOptions) -> Iterator[OutputOptions]:
+def window_ahead(output: Output) -> Iterator[Output]:
     """Start the viewer that the block will draw to: it comes up meanwhile. It is closed after an error."""
     window = None
     if output.opens_window:
@@ -172,12 +182,10 @@ class Drawn:
 
 
 @contextmanager
-def drawing(
-    runs: Sequence[RunView], scene: Scene, output: OutputOptions, listener: Listener
-) -> Iterator[Drawn]:
+def drawing(runs: Sequence[RunView], scene: Scene, output: Output, listener: Listener) -> Iterator[Drawn]:
     """Open what is drawn to, and begin to draw there; nothing when no recording is wanted. SinkError."""
     drawn = Drawn()
-    if output.no_recording:
+    if not output.draws:
         yield drawn
         return
     from .observer import SceneObserver
@@ -200,18 +208,18 @@ def drawing(
 
 @contextmanager
 def _live_sink(
-    drawn: Drawn, output: OutputOptions, name: str, layout: rrb.Blueprint, listener: Listener
+    drawn: Drawn, output: Output, name: str, layout: rrb.Blueprint, listener: Listener
 ) -> Iterator[rr.RecordingStream]:
     """Open a file, and a server that viewers may come to at any time."""
     from ..viewer import sinks
 
-    path = path_of(output)
+    path = output.file
     with sinks.to_file_and_viewers(
         path,
         name,
         layout,
         force=output.force,
-        window=output.rrd is None and not output.headless and has_display(),
+        window=output.viewer and output.to is None and has_display(),
         viewer=_command("rerun"),
         web=output.web,
         remark=listener.remark,
@@ -226,7 +234,7 @@ def _live_sink(
 @contextmanager
 def sink_of(
     drawn: Drawn,
-    output: OutputOptions,
+    output: Output,
     name: str,
     layout: rrb.Blueprint,
     listener: Listener,
@@ -256,7 +264,7 @@ def sink_of(
                 yield rec
             _look_at(port, output.place or _place(drawn.step), keys, listener, output)
             return
-    path = path_of(output)
+    path = output.file
     before_file(path)
     with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
@@ -264,19 +272,19 @@ def sink_of(
     _remark_written(path, keys, listener, output, drawn.step)
 
 
-def _kept(output: OutputOptions, scene: Scene) -> str:
+def _kept(output: Output, scene: Scene) -> str:
     """Return the recording, else the saved run, that shows again what is drawn; empty: none is kept."""
     is_file = scene.live or (output.web is None and not output.opens_window)
     if is_file and not output.is_temporary:
-        return str(path_of(output))
-    return scene.opens if output.save_run is None else str(output.save_run)
+        return str(output.file)
+    return scene.opens if output.folder is None else str(output.folder)
 
 
 def _place(step: int | None) -> Place | None:
     return None if step is None else Place(step)
 
 
-def _look_at(port: int, place: Place | None, keys: str, listener: Listener, output: OutputOptions) -> None:
+def _look_at(port: int, place: Place | None, keys: str, listener: Listener, output: Output) -> None:
     """Move the viewer on a port to a place; remark it, and keys to press. OptionError: it has no such tab."""
     try:
         if place is not None and look_at(port, place, output.layout, output.run):
@@ -286,13 +294,8 @@ def _look_at(port: int, place: Place | None, keys: str, listener: Listener, outp
     listener.remark(keys)
 
 
-def path_of(output: OutputOptions) -> Path:
-    """Return the Rerun recording that is written."""
-    return output.rrd or Path(f"{output.stem}.rrd")
-
-
 def _remark_written(
-    path: Path, keys: str, listener: Listener, output: OutputOptions, step: int | None = None
+    path: Path, keys: str, listener: Listener, output: Output, step: int | None = None
 ) -> None:
     command = _command("maurice-replay")
     opens = f"maurice-replay {shlex.quote(str(path))}"
@@ -309,7 +312,7 @@ def _remark_written(
 
 
 @contextmanager
-def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
+def serving(output: Output, listener: Listener) -> Iterator[None]:
     """Keep on serving what was shown in a browser after the block, until Ctrl-C."""
     if output.web is None:
         yield
@@ -322,9 +325,7 @@ def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
         output.web.close()
 
 
-def _serve(
-    web: WebViewer, recording: Path, place: Place | None, listener: Listener, output: OutputOptions
-) -> None:
+def _serve(web: WebViewer, recording: Path, place: Place | None, listener: Listener, output: Output) -> None:
     """Serve a recording to browsers, which open it at a place; remark how."""
     web.serve(recording, place, output.layout, output.run)
     web.remark(listener.remark)
@@ -332,7 +333,7 @@ def _serve(
         listener.remark(f"it opens at {place}")
 
 
-def show_recording(path: Path, listener: Listener, output: OutputOptions) -> None:
+def show_recording(path: Path, listener: Listener, output: Output) -> None:
     """Open a Rerun recording in the viewer, where the output says or its verdict; with `web`, in browsers.
 
     InputError, OptionError, SinkError.

@@ -15,7 +15,7 @@ from maurice_loaders.config_files import configuration_of, to_toml
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import PLACEHOLDER
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
@@ -148,7 +148,7 @@ def _log_weights(weights: F64 | None) -> F64 | None:
         return normalize(np.log(weights))[0]
 
 
-def open_recorded(path: Path, options: ReadingOptions, place: Path | None = None) -> list[AsRecorded]:
+def open_recorded(path: Path, options: Reading, place: Path | None = None) -> list[AsRecorded]:
     """Open the localizers of a bag that `localizer_topic` names, or the one that is detected.
 
     `place` is a map or library for a bag without `/map`. InputError for what is no bag, and for one without
@@ -165,7 +165,7 @@ def open_recorded(path: Path, options: ReadingOptions, place: Path | None = None
     return [_opened(path, name, options, topic, place) for topic in _topics(path, options)]
 
 
-def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
+def _topics(path: Path, options: Reading) -> list[str | None]:
     if options.localizer_topic is None:
         return [None]
     names: list[str | None] = [name.strip() for name in options.localizer_topic.split(",")]
@@ -175,9 +175,7 @@ def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
     return names
 
 
-def _opened(
-    path: Path, bag: str, options: ReadingOptions, topic: str | None, place: Path | None
-) -> AsRecorded:
+def _opened(path: Path, bag: str, options: Reading, topic: str | None, place: Path | None) -> AsRecorded:
     arena = None if place is None else open_library(place).arena
     localizer = RecordedLocalizer(path, BAGS[bag], options, topic, arena)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
@@ -269,7 +267,7 @@ def _remark(recorded: AsRecorded, listener: Listener) -> None:
         )
 
 
-def recorded_to_save(recorded: Sequence[AsRecorded], reading: ReadingOptions) -> list[ToSave]:
+def recorded_to_save(recorded: Sequence[AsRecorded], reading: Reading) -> list[ToSave]:
     """Return what is to be written of recorded localizers; the settings that they ran with are not known."""
     scene = scene_of_recorded(recorded)
     path, library = recorded[0].localizer.path, scene.library

@@ -25,7 +25,7 @@ from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
 from ..text.explanation_table import say_other_shape
 from .open import remark_skipped
-from .output import OutputOptions, drawing
+from .output import Output, drawing
 from .watch import Watch, write_rate
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class RunScores:
     """The result of a replay or a comparison; lengths in meters, angles in radians, times in seconds.
 
     >>> import maurice_viz as mv
-    >>> scores = mv.replay("session.log", particles=50, save_run="saved")
+    >>> scores = mv.replay("session.log", save_run="saved")
     >>> scores.name, scores.runs[0].score.updates, scores.saved_run.name
     ('kleine Fahrt', 14, 'saved')
     """
@@ -102,7 +102,7 @@ Report = Callable[[RunScores], None]
 
 def play(
     playback: Playback,
-    output: OutputOptions,
+    output: Output,
     listener: Listener,
     savers: AbstractContextManager[Mapping[str, RunWriter]] | None = None,
     report: Report = lambda scores: None,
@@ -129,12 +129,12 @@ def play(
     except (SinkError, KeyboardInterrupt):
         if collector.updates:
             playback.remarks(collector)
-            report(_scores(collector, playback, None, output.save_run))
+            report(_scores(collector, playback, None, output.folder))
         raise
     if stopped is not None and not collector.updates:  # nothing is known of the recording yet
         raise stopped
     playback.remarks(collector)
-    scores = _scores(collector, playback, drawn.file, output.save_run)
+    scores = _scores(collector, playback, drawn.file, output.folder)
     report(scores)
     if stopped is not None:
         raise type(stopped)(COMPLETE_SO_FAR)

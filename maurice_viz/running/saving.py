@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from maurice_loaders.files.writing import discard
 from maurice_loaders.formats.registry import chosen
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values import Arena
@@ -20,7 +20,7 @@ from maurice_mcl.values import Arena
 from ..errors import SinkError
 from ..playback import FilterRun
 from .open import SourcedSession
-from .output import OutputOptions
+from .output import Output
 
 if TYPE_CHECKING:
     from maurice_loaders.runs.writer import RunWriter
@@ -38,15 +38,15 @@ class ToSave:
 
 
 @contextmanager
-def saving(runs: Sequence[ToSave], output: OutputOptions) -> Iterator[Mapping[str, RunWriter]]:
+def saving(runs: Sequence[ToSave], output: Output) -> Iterator[Mapping[str, RunWriter]]:
     """Open a writer a run, and at the end have each record how it ended; no writers without a folder.
 
     Raises InputError when the folder is taken, SinkError when it can be written to no longer.
     """
-    if output.save_run is None:
+    if output.folder is None:
         yield {}
         return
-    writers = _writers(runs, output.save_run, output.force)
+    writers = _writers(runs, output.folder, output.force)
     state, problem = "failed", None
     try:
         yield writers
@@ -63,7 +63,7 @@ def saving(runs: Sequence[ToSave], output: OutputOptions) -> Iterator[Mapping[st
             except OSError as error:
                 problem = error
         if problem is not None:
-            raise _full(output.save_run, problem, min(writer.written for writer in writers.values()))
+            raise _full(output.folder, problem, min(writer.written for writer in writers.values()))
 
 
 def _writers(runs: Sequence[ToSave], target: Path, force: bool) -> dict[str, RunWriter]:
@@ -108,7 +108,7 @@ class Inputs:
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool
-    reading: ReadingOptions  # how the session was read
+    reading: Reading  # how the session was read
 
 
 def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:

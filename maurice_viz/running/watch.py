@@ -20,7 +20,7 @@ from maurice_mcl.values import skipped_before
 from ..errors import Listener, OptionError
 from ..playback import ResultCollector
 from ..scene import Detail, RunView
-from .output import OutputOptions, path_of
+from .output import Output
 
 FEW = 5  # steps of searching before a line about it: every run begins with a search
 KEEPS_UP = 20  # steps without a skipped picture, after which a line says that the filter keeps up
@@ -155,12 +155,12 @@ class Watch:
             self._skips_at = None
 
 
-def write_rate(runs: Sequence[RunView], output: OutputOptions, listener: Listener) -> WriteRate:
+def write_rate(runs: Sequence[RunView], output: Output, listener: Listener) -> WriteRate:
     """Return what measures how fast a live recording grows, and knows what grows less."""
     from ..viewer.sinks import part_of
     from .observer import expected_bytes
 
-    path, detail = path_of(output), Detail(output.detail)
+    path, detail = output.file, Detail(output.detail)
     light, full = (
         sum(expected_bytes(each, 1000, run.particles, len(run.channels), live=True) for run in runs)
         for each in (Detail.LIGHT, detail)

@@ -8,7 +8,7 @@ from typing import Any
 
 from maurice_loaders.doctor.findings import Finding
 from maurice_loaders.doctor.fixing import fixed_options
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 
 from ..style import Units, units_named
 
@@ -40,7 +40,7 @@ def fix_for(finding: Finding) -> str:
 
 def brief(finding: Finding) -> str:
     """Return in one line what is wrong and how to fix it, by options where there are some."""
-    options = " ".join(fixed_options(ReadingOptions(), [finding]).corrections)
+    options = " ".join(fixed_options(Reading(), [finding]).corrections)
     return f"{describe(finding)} [{finding.code}]; fix: {options or fix_for(finding)}"
 
 

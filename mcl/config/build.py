@@ -14,10 +14,10 @@ from ..filter.following import GuidedProposal, can_propose
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
 from ..filter.proposal import MixtureProposal, MotionProposal, Proposal, Regions, regions
-from ..filter.recovery import STRATEGIES, RecoveryStep
-from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
+from ..filter.recovery import RecoveryStep, strategy_of
+from ..filter.resampling import POLICIES, Resampling, resampler_of
 from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
-from ..sensor.descriptors.registry import CHANNELS, weights_of
+from ..sensor.descriptors.registry import weights_of
 from ..sensor.laser.sensor import LASER, laser_of
 from ..sensor.map_places import reference_of
 from ..sensor.model import SensorModel, SensorParameters
@@ -85,12 +85,12 @@ def make_localizer(
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, {expected_one_of(preset, PRESETS)}")
     weights = None if feature is None else weights_of(feature)
-    objects = {sensor.name: sensor for sensor in sensors if not isinstance(sensor, str)}
-    outside = tuple(sensor for sensor in sensors if isinstance(sensor, str)) or None
-    for name in (name for name in objects if name in CHANNELS):
-        raise InputError(None, f"sensors: found the name of a channel, {name!r}, expected another")
-    library = replace(library, sensors={**library.sensors, **objects})
-    given = {"sensor.weights": weights, "particles": particles, "motion": motion, "sensor.outside": outside}
+    given = {
+        "sensor.weights": weights,
+        "particles": particles,
+        "motion": motion,
+        "sensor.outside": sensors or None,
+    }
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("settings", settings or {})]
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
@@ -202,7 +202,7 @@ def build_localizer(
         sensor=sensor,
         resampling=_resampling(p.resampling),
         recovery=RecoveryStep(
-            strategy=STRATEGIES[p.recovery.strategy](p.recovery),
+            strategy=strategy_of(p.recovery),
             reference=nearest,
             regions=where,
             draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
@@ -296,4 +296,4 @@ def _proposal(
 
 def _resampling(p: ResamplingParameters) -> Resampling:
     kld = p.kld if p.adaptive else None
-    return Resampling(RESAMPLERS[p.scheme], POLICIES[p.when](p.below, p.every), p.roughening, kld)
+    return Resampling(resampler_of(p.scheme), POLICIES[p.when](p.below, p.every), p.roughening, kld)

@@ -14,7 +14,7 @@ from statistics import NormalDist
 from typing import Annotated, Any
 
 from ..filter.following import GuidedMotionParameters
-from ..filter.motion import MotionOutliers
+from ..filter.motion import MotionOutliers, motion_settings
 from ..filter.recovery import STRATEGIES, RecoveryParameters
 from ..filter.resampling import POLICIES, RESAMPLERS, KldParameters
 from ..sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
@@ -26,8 +26,9 @@ from ..values import expected_one_of
 from ..values.geometry import INCH_M
 from ..values.library import RadiiParameters
 from ..values.map import OBSTACLES, SOLID
+from ..values.own_parts import own_or
 from ..values.pose_sensor import POSE_SENSORS
-from ..values.setting_rules import SHARE, Rule, choice, number, rules_of, table, truth, whole
+from ..values.setting_rules import SHARE, Rule, choice, number, rules_of, truth, whole
 
 # Rules of the settings that name channels: their weights, distances and scales.
 
@@ -89,7 +90,7 @@ class ReferenceParameters:
 class ResamplingParameters:
     """How and when particles are resampled."""
 
-    scheme: Annotated[str, choice(*RESAMPLERS)] = "systematic"
+    scheme: Annotated[str, own_or("resampler", RESAMPLERS)] = "systematic"
     when: Annotated[str, choice(*POLICIES)] = "always"
     below: Annotated[float, SHARE] = 0.5  # share of N, for "effective"
     every: Annotated[int, whole(1, 1_000_000)] = 1  # updates, for "every"
@@ -126,7 +127,7 @@ class FilterParameters:
     motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
     guided_motion: GuidedMotionParameters = field(default_factory=GuidedMotionParameters)
     map: MapParameters = field(default_factory=MapParameters)
-    motion: Annotated[Mapping[str, object] | None, table] = None  # replaces the session header's
+    motion: Annotated[Mapping[str, object] | None, motion_settings] = None  # replaces the session header's
     radii: RadiiParameters = field(default_factory=RadiiParameters)
 
 
@@ -135,7 +136,7 @@ _OTHERS: Mapping[str, Rule] = {
     "sensor.weights": weights,
     "sensor.distances": channels(choice(*DISTANCES)),
     "sensor.scales": channels(number(1e-9, 1e9)),
-    "recovery.strategy": choice(*STRATEGIES),
+    "recovery.strategy": own_or("recovery strategy", STRATEGIES),
 }
 RULES: Mapping[str, Rule] = rules_of(FilterParameters, "", _OTHERS)
 

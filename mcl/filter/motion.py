@@ -11,12 +11,29 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from typing import Annotated, Any, Protocol, TypeVar
+from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values import F32, F64, INCH_M, SHARE, Belief, Bool, Grid, MeasuredMovement, number, wrap
+from ..errors import InputError
+from ..values import (
+    F32,
+    F64,
+    INCH_M,
+    SHARE,
+    Belief,
+    Bool,
+    Grid,
+    MeasuredMovement,
+    called,
+    is_own,
+    made,
+    name_of,
+    number,
+    own_part,
+    wrap,
+)
 
 MOST_CONSTANT = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
@@ -320,6 +337,53 @@ def measured_motion(poses: F32, movement: MeasuredMovement, noise: F32) -> F32:
     return _poses(poses[:, 0] + x, poses[:, 1] + y, wrap(poses[:, 2] + turn))
 
 
+class RobotMotion(NamedTuple):
+    """What a robot measured of one movement, in its own frame before it.
+
+    >>> import maurice_mcl as mcl
+    >>> mcl.RobotMotion(0.5, 0.0, 0.1).turn_rad
+    0.1
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMotion:
+    """A motion model of the user's, which meets poses in the map's frame: `move(poses, motion, noise)`.
+
+    `poses` (N, 3) and the standard normals `noise` (N, 3) are float64, `motion` is a `RobotMotion`; it
+    returns the new poses. What it raises, and anything but finite poses (N, 3), is an InputError.
+    """
+
+    name: str
+    model: Any
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """See `MotionModel.move`."""
+        offset = np.array([*origin, 0.0])
+        given = poses.astype(np.float64) + offset, RobotMotion(*map(float, motion)), noise.astype(np.float64)
+        moved = np.asarray(called(f"motion model {self.name}", self.model.move, *given))
+        if moved.shape != poses.shape or moved.dtype.kind != "f" or not np.isfinite(moved).all():
+            found = f"found {moved.dtype} {moved.shape}, expected finite poses {poses.shape}"
+            raise InputError(None, f"motion model {self.name}: {found}")
+        x, y, heading = (moved - offset).T.astype(np.float32)
+        return _poses(x, y, wrap(heading))
+
+
+def motion_settings(key: str, value: Any) -> Mapping[str, Any]:
+    """Accept a table as under robot.motion of a header, or the user's model: with `move`, or its name."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    part = own_part("motion model", value) if isinstance(value, str) and is_own(value) else value
+    if not callable(getattr(part, "move", None)):
+        expected = "expected a table, or a motion model with a method `move`"
+        raise ValueError(f"{key}: found {value!r:.60}, {expected}")
+    return {"model": name_of(part)}
+
+
 # by name: what reads the object under robot.motion of a header, and what makes a model of it over a map
 MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = {
     "maurice": (partial(from_header, MauriceParameters), MauriceMotion),
@@ -333,10 +397,15 @@ MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
-    """Return the model that a header names, "odometry" without a header. ValueError for an unknown name."""
+    """Return the model that a header names, "odometry" without a header, or one of the user's.
+
+    ValueError for an unknown name.
+    """
     if not values:
         return OdometryMotion()
     name = values.get("model", "maurice")
+    if isinstance(name, str) and is_own(name):
+        return OwnMotion(name, made("motion model", own_part("motion model", name)))
     if not isinstance(name, str) or name not in MOTION_MODELS:
         *names, last = (f'"{known}"' for known in MOTION_MODELS)
         raise ValueError(f"robot.motion.model is {name!r}; known are {', '.join(names)} and {last}")

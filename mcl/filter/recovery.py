@@ -13,8 +13,10 @@ from typing import Annotated
 
 import numpy as np
 
+from ..errors import InputError
 from ..sensor.references import NearestReference
 from ..values.geometry import wrap
+from ..values.own_parts import called, is_own, made, own_part
 from ..values.randomness import normals
 from ..values.records import (
     AVERAGES,
@@ -40,7 +42,17 @@ RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in n
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What to do after resampling, and the state for the next update."""
+    """What to do after resampling, and the state for the next update.
+
+    A recovery strategy is a function from the evidence of a picture, in nats, and the state to this:
+
+        >>> import maurice_mcl as mcl
+        >>> def below(evidence, state): return mcl.Recovery(0.1 if evidence < -9 else 0.0, state)
+        >>> settings = {"recovery.strategy": below}
+        >>> localizer = mcl.make_localizer(mcl.tiny_library(), settings=settings)
+        >>> localizer.recovery.strategy(-12.0, mcl.RecoveryState()).share
+        0.1
+    """
 
     share: float  # of the particles, 0 to 1, replaced by fresh ones
     state: RecoveryState = NO_HISTORY
@@ -192,6 +204,26 @@ STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = {
     "expansion": lambda settings: settings.expansion,
     "mixture": lambda settings: none,  # fresh particles are part of its proposal
 }
+
+
+def strategy_of(parameters: RecoveryParameters) -> RecoveryStrategy:
+    """Return the strategy that is named: ours, or the user's. ValueError where it is not at hand.
+
+    What a user's strategy raises, and anything but a `Recovery` with a share from 0 to 1, is an InputError.
+    """
+    name = parameters.strategy
+    if not is_own(name):
+        return STRATEGIES[name](parameters)
+    decide = made("recovery strategy", own_part("recovery strategy", name))
+
+    def strategy(evidence: float, state: RecoveryState) -> Recovery:
+        recovery = called(f"recovery strategy {name}", decide, evidence, state)
+        if not isinstance(recovery, Recovery) or not 0 <= recovery.share <= 1:
+            expected = "expected a maurice_mcl.Recovery with a share from 0 to 1"
+            raise InputError(None, f"recovery strategy {name}: found {recovery!r:.80}, {expected}")
+        return recovery
+
+    return strategy
 
 
 @dataclass(frozen=True, slots=True, eq=False)

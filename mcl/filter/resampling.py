@@ -14,8 +14,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import InputError
 from ..values.arrays import F32, F64, I32, Bool
 from ..values.geometry import INCH_M, circular_mean, wrap
+from ..values.own_parts import called, is_own, made, own_part
 from ..values.randomness import Purpose, normals
 from ..values.records import Belief, effective_sample_size, uniform_log_weights
 from ..values.setting_rules import number, whole
@@ -76,6 +78,28 @@ RESAMPLERS: Mapping[str, Resampler] = {
     "stratified": stratified,
     "residual": residual,
 }
+
+
+def resampler_of(name: str) -> Resampler:
+    """Return the scheme of a name: ours, or a function of the user's. ValueError where it is not at hand.
+
+    What a user's function raises, and anything but n numbers of particles, is an InputError of one line.
+    """
+    if not is_own(name):
+        return RESAMPLERS[name]
+    function = made("resampler", own_part("resampler", name))
+
+    def resampler(weights: F64, n: int, rng: np.random.Generator) -> I32:
+        parents = np.asarray(called(f"resampler {name}", function, weights.copy(), n, rng))
+        is_whole = parents.dtype.kind in "iu" and parents.shape == (n,)
+        if not is_whole or (n and not 0 <= parents.min() <= parents.max() < len(weights)):
+            expected = (
+                f"expected {n} whole numbers ({n},) from 0 to {len(weights) - 1}, the parent of each particle"
+            )
+            raise InputError(None, f"resampler {name}: found {parents.dtype} {parents.shape}, {expected}")
+        return parents.astype(np.int32)
+
+    return resampler
 
 
 # When to resample: plain functions of the belief and the step.

@@ -20,12 +20,20 @@ LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What is demanded of a run; None is not demanded. A rate says of how many runs."""
+    """What is demanded of a run; None is not demanded. `min_localized` says of how many runs.
+
+    To be localized within `localized_by` updates and not lost after that, to be off by at most `max_error_m`
+    in the mean, or to have converged within `converged_by` updates, which needs no true poses.
+
+        >>> import maurice_mcl as mcl
+        >>> mcl.Demands(max_error_m=0.3, localized_by=5).kinds
+        ('localized', 'not_lost', 'error')
+    """
 
     max_error_m: float | None = None  # mean position error, where it counts
     localized_by: int | None = None  # updates after the start, and after every kidnapping
     converged_by: int | None = None  # the same of a cloud at one place, right or wrong: needs no truth
-    min_rate: float = 0.95  # of the runs, that meet each demand
+    min_localized: float = 0.95  # of the runs, that meet each demand
 
     @property
     def need_truth(self) -> bool:

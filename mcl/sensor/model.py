@@ -19,10 +19,11 @@ from ..values.library import ChannelIndex, Library
 from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed, spread_between
 from ..values.records import Comparison, Sighting
 from ..values.session import Frame
-from ..values.setting_rules import choice, number, texts
+from ..values.setting_rules import choice, number
 from .descriptors.registry import CHANNELS, SCALES, reduced
 from .distances import DISTANCES
 from .laser.parameters import LaserParameters
+from .outside import sensor_names
 from .references import ReferenceLookup
 
 # Fusion: several channels to one distance.
@@ -103,7 +104,7 @@ class SensorParameters:
     # nats that a pose costs at most, as a picture may show what no reference does; 0: no bound
     outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
     # sensors of other packages: names of entry points, or module:Class
-    outside: Annotated[tuple[str, ...], texts] = ()
+    outside: Annotated[tuple[str, ...], sensor_names] = ()
     laser: LaserParameters = field(default_factory=LaserParameters)
 
     def distance_of(self, channel: str) -> str:

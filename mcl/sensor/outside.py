@@ -1,4 +1,4 @@
-"""Pose sensors of other packages: loaded by the name of an entry point, or by `module:Class`.
+"""Pose sensors of other people: objects, or loaded by the name of an entry point, or by `module:Class`.
 
 A package provides one by an entry point in the group "maurice_replay.sensors" (docs/sensors.md).
 """
@@ -20,13 +20,14 @@ import numpy as np
 from ..errors import InputError
 from ..values.arrays import F32, F64
 from ..values.library import Library
+from ..values.own_parts import called, made, name_of, own_part
 from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseProposal, PoseSensor, PoseSpread, Shown
 from ..values.session import Frame
+from ..values.setting_rules import texts
 from .descriptors.registry import CHANNELS, NAME
 
 GROUP = "maurice_replay.sensors"
 NOT_THERE = "not there"  # as a version
-ANY_ERROR = (Exception, SystemExit)  # other people's code may raise anything, and may end as a script does
 METHODS = ("read", "log_likelihood", "propose", "shown")  # of `PoseSensor`
 
 
@@ -74,43 +75,45 @@ class OutsideSensor:
         return shown
 
     def _call(self, method: str, *given: Any) -> Any:
-        try:
-            return getattr(self._sensor, method)(*given)
-        except ANY_ERROR as problem:
-            raise InputError(None, f"sensor {self.spelled}: {method} raised {_named(problem)}") from problem
+        return called(f"sensor {self.spelled}: {method}", getattr(self._sensor, method), *given)
+
+
+def sensor_names(key: str, value: Any) -> tuple[str, ...]:
+    """Take a list of sensors: names, or objects, which get one; as text: "beacon,my_module:Sonar"."""
+    parts = value if isinstance(value, (list, tuple)) else texts(key, value)
+    return texts(key, [part if isinstance(part, str) else name_of(part) for part in parts])
+
+
+def load_sensor(spelled: str) -> OutsideSensor:
+    """Return the sensor of an entry point's name, of `module:Class`, or an object that a setting was given.
+
+    A class is made without arguments; all runs of a process share it. InputError where nothing of that name
+    is at hand, and for what is no `PoseSensor`.
+    """
+    return _loaded(spelled, spelled) if "@" in spelled else _installed(spelled)
 
 
 @lru_cache
-def load_sensor(spelled: str) -> OutsideSensor:
-    """Return the sensor of an entry point's name or of `module:Class`, made without arguments.
-
-    All runs of a process share it. InputError where nothing of that name is installed, and for what is no
-    `PoseSensor`.
-    """
+def _installed(spelled: str) -> OutsideSensor:
     point = _point(spelled)
     if point is None:
         names = ", ".join(sorted({point.name for point in entry_points(group=GROUP)})) or "none"
         advice = f"install its package (sensors installed: {names}), or name a class as module:Class"
         raise InputError(None, f"sensor {spelled!r}: no installed package has it; {advice}")
+    return _loaded(spelled, f"{point.module}:{point.attr}")
+
+
+def _loaded(spelled: str, path: str) -> OutsideSensor:
+    """Return the sensor of a path `module:Class`, with or without a hash. InputError for what is none."""
     try:
-        module = import_module(point.module)
-    except ModuleNotFoundError as problem:
-        advice = "install its package, or put its folder on PYTHONPATH"
-        raise InputError(None, f"sensor {spelled}: no module named {problem.name!r}; {advice}") from problem
-    except ANY_ERROR as problem:
-        raise InputError(None, f"sensor {spelled}: its module raised {_named(problem)}") from problem
-    kind = getattr(module, point.attr, None)
-    if not isinstance(kind, type):
-        raise InputError(None, f"sensor {spelled}: found no class {point.attr} in the module {point.module}")
-    missing = [name for name in METHODS if not callable(getattr(kind, name, None))]
+        sensor = made("sensor", own_part("sensor", path))
+    except ValueError as problem:
+        raise InputError(None, str(problem)) from None
+    missing = [name for name in METHODS if not callable(getattr(sensor, name, None))]
     if missing:
-        advice = f"a sensor has {', '.join(('name', *METHODS))}"
-        raise InputError(None, f"sensor {spelled}: the class {point.attr} has no {missing[0]}; {advice}")
-    try:
-        sensor = kind()
-        name = sensor.name
-    except ANY_ERROR as problem:
-        raise InputError(None, f"sensor {spelled}: making it raised {_named(problem)}") from problem
+        what = f"the class {type(sensor).__name__} has no {missing[0]}"
+        raise InputError(None, f"sensor {spelled}: {what}; a sensor has {', '.join(('name', *METHODS))}")
+    name = getattr(sensor, "name", None)
     if not isinstance(name, str) or not NAME.fullmatch(name) or name in (*CHANNELS, *POSE_SENSORS):
         expected = "expected a lower-case word like beacon that names no channel and no sensor of ours"
         raise InputError(None, f"sensor {spelled}: its name is {name!r}, {expected}")
@@ -131,6 +134,9 @@ def package_of(spelled: str) -> tuple[str, str]:
     For a module of no package these are `spelled` and the start of the hash of its file; the version of what
     is gone is NOT_THERE.
     """
+    written, _, digest = spelled.partition("@")
+    if digest:
+        return written, f"source {digest}"
     point = _point(spelled)
     if point is None:
         return spelled, NOT_THERE
@@ -158,7 +164,3 @@ def _file_of(kind: type) -> str:
         return inspect.getsourcefile(kind) or ""
     except (OSError, TypeError):  # typed into an interpreter, or compiled
         return ""
-
-
-def _named(problem: BaseException) -> str:
-    return f"{type(problem).__name__}: {problem}"

@@ -10,6 +10,7 @@ All of it is imported from this page: `from maurice_mcl.values import F64, Libra
 - `plain`: results as plain values, which JSON has
 - `pose_sensor`: the seam for sensors of other packages
 - `records`: the values of one step
+- `own_parts`: parts of a filter that users write, by name and hash of their source
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from .laser import *
 from .library import *
 from .map import *
 from .nearest import *
+from .own_parts import *
 from .plain import *
 from .pose_sensor import *
 from .randomness import *

@@ -176,7 +176,8 @@ class Shown:
 class PoseSensor(Protocol):
     """A sensor model that gives any pose a log-likelihood.
 
-    Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
+    Any class with these members is one, and one that inherits from this needs `name`, `read` and
+    `log_likelihood` alone; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
     reading may be any value: only the sensor itself looks into it. Some attributes may be
     left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
     `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables;
@@ -226,12 +227,12 @@ class PoseSensor(Protocol):
         ...
 
     def propose(self, reading: Any) -> PoseProposal | None:
-        """Return where this reading alone would put the robot; None if it cannot tell."""
-        ...
+        """Return where this reading alone would put the robot; None if it cannot tell, as by default."""
+        return None
 
     def shown(self, reading: Any, poses: Mapping[str, F64]) -> Shown:
         """Return what to show, with poses (3,) in the map's frame: "estimate", and "truth" where known."""
-        ...
+        return Shown(f"{self.name} read {reading}".replace("{", "(").replace("}", ")"))
 
 
 LINKED_NATS = -1.0  # a point of a reading: worse, and the robot was carried since the one before

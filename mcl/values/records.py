@@ -80,6 +80,10 @@ class RecoveryState:
     """Running averages of how well the cloud explains pictures; 0 before the first.
 
     Each strategy says what it keeps: nats, or logs of averages, which are -inf for an average of zero.
+
+        >>> import maurice_mcl as mcl
+        >>> mcl.RecoveryState(updates=3).slow
+        0.0
     """
 
     slow: float = 0.0

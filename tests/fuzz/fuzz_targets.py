@@ -33,7 +33,7 @@ from maurice_loaders.live.source import Listening, LiveSource, Patience
 from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import ASK, HEAD, Foxglove, Rosbridge, WebsocketStream
 from maurice_loaders.reading.observations import SCANS
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture
 from maurice_loaders.session_log.reader import SurveyLog, is_survey
 from maurice_loaders.session_log.records import LineReader, read_header
@@ -235,11 +235,11 @@ def read_log(data: bytes, folder: Path) -> str:
     """Read a file as a session or survey log, to its end, and once more where every problem is an error."""
     path = folder / "fuzz.log"
     path.write_bytes(data)
-    _refused(lambda: _go_through(path, ReadingOptions(format="session-log", keep_going=True)))
-    return _refused(lambda: _go_through(path, ReadingOptions(format="session-log")))
+    _refused(lambda: _go_through(path, Reading(format="session-log", keep_going=True)))
+    return _refused(lambda: _go_through(path, Reading(format="session-log")))
 
 
-def _go_through(path: Path, options: ReadingOptions) -> None:
+def _go_through(path: Path, options: Reading) -> None:
     if is_survey(path):
         survey = SurveyLog(path, options)
         assert survey.count_pictures() >= 0
@@ -267,8 +267,8 @@ def read_carmen(data: bytes, folder: Path) -> str:
     """Read a file as a CARMEN log, twice as a session log is."""
     path = folder / "fuzz.clf"
     path.write_bytes(data)
-    _refused(lambda: _go_through(path, ReadingOptions(format="carmen", keep_going=True)))
-    return _refused(lambda: _go_through(path, ReadingOptions(format="carmen")))
+    _refused(lambda: _go_through(path, Reading(format="carmen", keep_going=True)))
+    return _refused(lambda: _go_through(path, Reading(format="carmen")))
 
 
 def read_dump(data: bytes, folder: Path) -> str:
@@ -292,7 +292,7 @@ def read_dump(data: bytes, folder: Path) -> str:
 
 
 def _all_pictures(path: Path) -> None:
-    for record in open_dump(path, ReadingOptions()).records(ReadingNotes(keep_going=True)):
+    for record in open_dump(path, Reading()).records(ReadingNotes(keep_going=True)):
         if isinstance(record, Picture):
             try:
                 record.read()
@@ -326,7 +326,7 @@ def read_stream(cut: tuple[bytes, list[int]], folder: Path) -> str:
 def read_bridge(subprotocol: str | None, talk: Conversation, folder: Path) -> str:
     """Take in what a bridge says."""
     connection: Any = ScriptedConnection(subprotocol, talk)
-    said = _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions()))
+    said = _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, Reading()))
     assert connection.sent < 10_000 * len(talk)
     return said
 

@@ -20,7 +20,7 @@ from maurice_loaders.formats.cmucam import decode_frame, frames
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live.source import LineCutter
 from maurice_loaders.live.websocket import ASK, WebsocketStream
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture
 from maurice_loaders.session_log.reader import SurveyLog, is_survey
 from maurice_loaders.session_log.records import LineReader
@@ -74,7 +74,7 @@ def test_dumps_are_right_before_they_are_changed_and_every_share_is_somebodys() 
 def test_bridges_are_right_before_they_are_changed(talk: Any) -> None:
     protocol = "foxglove.websocket.v1" if talk in FOXGLOVE else None
     connection: Any = ScriptedConnection(protocol, talk)
-    channel = WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions())
+    channel = WebsocketStream("ws://robot:1", connection, connection.close, Reading())
     data = b"".join(channel.read(0.0) or b"" for _ in range(len(talk)))
     header, *lines = LineCutter().feed(data)
     assert json.loads(header.data)["kind"] == "session"

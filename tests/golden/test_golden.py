@@ -102,8 +102,8 @@ class Made:
         return text.replace(str(self.folder), "HERE")
 
 
-def arguments(sensor: str, drive: Drive) -> dict[str, Any]:
-    return {"preset": "thesis" if sensor == "camera" else "amcl", **drive.filter}
+def asked(sensor: str, drive: Drive) -> mv.Filter:
+    return mv.Filter("thesis" if sensor == "camera" else "amcl", **drive.filter)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def made(driven: Any) -> Any:
     @lru_cache(None)
     def make(sensor: str, name: str) -> Made:
         drive, log, places = driven(sensor, name)
-        scores = mv.replay(log, places, save_run=log.parent / "run", **arguments(sensor, drive))
+        scores = mv.replay(log, places, asked(sensor, drive), save_run=log.parent / "run")
         return Made(log.parent, scores)
 
     return make
@@ -163,7 +163,7 @@ def test_a_drive_with_truth_and_without(sensor, name, made, driven, remake):
     step = one.scores.runs[0].verdict.decisive
     events = mv.events(one.run).to_json()["runs"][0]["events"]
     drive, log, places = driven(sensor, name, truth=False)
-    blind = mv.diagnose(log, places, **arguments(sensor, drive))
+    blind = mv.diagnose(log, places, asked(sensor, drive))
     parts = {
         "diagnose": mv.diagnose(one.run).text,
         "scores": "\n".join(lines(figures)),
@@ -340,8 +340,8 @@ def test_what_is_saved_of_a_run(made, remake):
 
 
 RECORDED = {
-    "recording light": {"detail": "light"},
-    "recording live": {"live": mv.LiveOptions(follow=True, patience_s=0.1)},
+    "recording light": lambda file: {"output": mv.Output(file, detail="light")},
+    "recording live": lambda file: {"to": file, "live": mv.LiveOptions(follow=True, patience_s=0.1)},
 }
 
 
@@ -352,7 +352,7 @@ def test_what_is_drawn_of_a_run(name, driven, tmp_path, remake):
     sensor = "laser" if "live" in name else "camera"
     drive, log, places = driven(sensor, "carried")
     file = tmp_path / "drawn.rrd"
-    scores = mv.replay(log, places, to=file, **RECORDED[name], **arguments(sensor, drive))
+    scores = mv.replay(log, places, asked(sensor, drive), **RECORDED[name](file))
     figures = "\n".join(
         lines({key: value for key, value in scores.to_json()["runs"][0].items() if key != "steps_per_s"})
     )
@@ -362,7 +362,13 @@ def test_what_is_drawn_of_a_run(name, driven, tmp_path, remake):
 def test_what_is_told_and_drawn_of_runs_side_by_side(driven, tmp_path, remake):
     _, log, places = driven("camera", "kidnapped")
     file, both = tmp_path / "drawn.rrd", ["thesis", "robust"]
-    scores = mv.compare(log, places, presets=both, particles=300, to=file, save_run=tmp_path / "run")
+    scores = mv.compare(
+        log,
+        places,
+        filters=[mv.Filter(value, particles=300) for value in both],
+        to=file,
+        save_run=tmp_path / "run",
+    )
     made = Made(tmp_path, scores)
     parts = {
         "against the first": "\n".join(lines(scores.to_json()["runs"][1]["against_first"])),

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from helpers.recordings import read
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture
 
 BEGIN_S = 1305031102.1753
@@ -21,7 +21,7 @@ QUARTER = math.sqrt(0.5)
 COUNTS = {"Picture": 3, "TruthPose": 3}
 
 
-def counts(path: Path, options: ReadingOptions | None = None) -> dict[str, int]:
+def counts(path: Path, options: Reading | None = None) -> dict[str, int]:
     """Count the records, and decode every picture."""
     found, _ = read(path, options)
     assert all(one.read().shape == (4, 6, 3) for one in found if isinstance(one, Picture))

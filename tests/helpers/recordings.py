@@ -12,7 +12,7 @@ import pytest
 
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose, Record, Recording, TruthPose
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.session import Session, SessionInfo
@@ -32,24 +32,22 @@ class Given:
         return iter(self.held)
 
 
-def read(
-    source: Recording | Path, options: ReadingOptions | None = None
-) -> tuple[list[Record], tuple[str, ...]]:
+def read(source: Recording | Path, options: Reading | None = None) -> tuple[list[Record], tuple[str, ...]]:
     """Return all records and the warnings."""
     notes = ReadingNotes(keep_going=False)
     recording = open_recording(source, options) if isinstance(source, Path) else source
     return list(recording.records(notes)), notes.warnings
 
 
-def counted(source: Recording | Path, options: ReadingOptions | None = None) -> dict[str, int]:
+def counted(source: Recording | Path, options: Reading | None = None) -> dict[str, int]:
     return dict(Counter(type(record).__name__ for record in read(source, options)[0]))
 
 
-def truths(source: Recording | Path, options: ReadingOptions | None = None) -> F64:
+def truths(source: Recording | Path, options: Reading | None = None) -> F64:
     return np.array([r.pose for r in read(source, options)[0] if isinstance(r, TruthPose)])
 
 
-def odometry(source: Recording | Path, options: ReadingOptions | None = None) -> F64:
+def odometry(source: Recording | Path, options: Reading | None = None) -> F64:
     return np.array([r.pose for r in read(source, options)[0] if isinstance(r, OdometryPose)])
 
 

@@ -11,12 +11,12 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import (
     CORRECTIONS,
     FIELDS,
-    ReadingOptions,
+    Reading,
     read_reading,
     write_reading,
 )
 
-CHANGED = ReadingOptions(
+CHANGED = Reading(
     camera="left",
     table=Path("poses.csv"),
     columns={"x": "px", "heading": "yaw:deg"},
@@ -32,9 +32,9 @@ CHANGED = ReadingOptions(
 )
 
 
-@pytest.mark.parametrize("options", [ReadingOptions(), CHANGED])
+@pytest.mark.parametrize("options", [Reading(), CHANGED])
 def test_a_file_holds_options_to_the_last_bit(
-    options: ReadingOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_reading("reading.toml", options)
@@ -45,7 +45,7 @@ def test_a_file_holds_options_to_the_last_bit(
 def test_a_table_is_found_from_where_the_file_lies_which_is_replaced_only_by_force(tmp_path: Path) -> None:
     file = tmp_path / "below" / "reading.toml"
     file.parent.mkdir()
-    write_reading(file, ReadingOptions(table=tmp_path / "poses.csv"))
+    write_reading(file, Reading(table=tmp_path / "poses.csv"))
     assert 'table = "../poses.csv"' in file.read_text()
     found = read_reading(file).table
     assert found is not None
@@ -53,8 +53,8 @@ def test_a_table_is_found_from_where_the_file_lies_which_is_replaced_only_by_for
     write_reading(tmp_path / "a.toml", CHANGED)
     with pytest.raises(InputError, match="exists already"):
         write_reading(tmp_path / "a.toml", CHANGED)
-    write_reading(tmp_path / "a.toml", ReadingOptions(), force=True)
-    assert read_reading(tmp_path / "a.toml") == ReadingOptions()
+    write_reading(tmp_path / "a.toml", Reading(), force=True)
+    assert read_reading(tmp_path / "a.toml") == Reading()
 
 
 @pytest.mark.parametrize(

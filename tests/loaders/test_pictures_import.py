@@ -27,7 +27,7 @@ from maurice_loaders.importing import (
 )
 from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
@@ -63,7 +63,7 @@ def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
     assert session.info.survey == summary.survey.resolve()
     assert session.info.name == "Büro (odometry made from the truth)"
     for log in (summary.session, summary.survey):
-        assert inspect_file(log, ReadingOptions()).problem_count == 0
+        assert inspect_file(log, Reading()).problem_count == 0
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
 
 def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(
-        source, source / "poses.csv", tmp_path / "out", ReadingOptions(odometry_seed=9), every=EVERY
+        source, source / "poses.csv", tmp_path / "out", Reading(odometry_seed=9), every=EVERY
     )
     for log in (summary.session, summary.survey):
         notes = " ".join(read_header(log)[0].notes)
@@ -127,22 +127,20 @@ def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None
 
 
 def test_a_camera_that_is_stated_is_that_of_session_and_library(source: Path, tmp_path: Path) -> None:
-    options = ReadingOptions(camera_fov_rad=1.2)
+    options = Reading(camera_fov_rad=1.2)
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", options)
     assert [one.horizontal_fov_rad for one in open_session(summary.session).info.cameras] == [1.2]
     camera = build_library(summary.survey).camera
     assert camera is not None
     assert camera.horizontal_fov_rad == 1.2
     with pytest.raises(InputError, match="field of view of 180 degrees, expected 1 to 170"):
-        import_pictures(
-            source, source / "poses.csv", tmp_path / "none", ReadingOptions(camera_fov_rad=math.pi)
-        )
+        import_pictures(source, source / "poses.csv", tmp_path / "none", Reading(camera_fov_rad=math.pi))
 
 
 def test_the_same_seed_gives_the_same_files(source: Path, tmp_path: Path) -> None:
     logs = [
         import_pictures(
-            source, source / "poses.csv", tmp_path / out, ReadingOptions(odometry_seed=seed), every=EVERY
+            source, source / "poses.csv", tmp_path / out, Reading(odometry_seed=seed), every=EVERY
         ).session
         for out, seed in (("a", 1), ("b", 1), ("c", 2))
     ]

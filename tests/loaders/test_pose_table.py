@@ -13,7 +13,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.maps import arena_from_lines
 from maurice_loaders.formats.picture_folder import open_table
 from maurice_loaders.importing import PoseRow, import_pictures, read_rows
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 
 HEAD = "image,x_m,y_m,heading_deg"
 
@@ -25,7 +25,7 @@ def table(folder: Path, *lines: str, head: str = HEAD) -> Path:
 
 
 def read(path: Path, **columns: str) -> list[PoseRow]:
-    return read_rows(open_table(path.parent, ReadingOptions(table=path, columns=columns)))
+    return read_rows(open_table(path.parent, Reading(table=path, columns=columns)))
 
 
 def test_rows_in_order_with_headings_in_radians_and_other_columns(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_columns_that_are_not_there_are_named(
 ) -> None:
     path = table(tmp_path, "a.jpg,1,5,2", head=head)
     with pytest.raises(InputError, match=rf"poses\.csv(:1)?: {told}"):
-        import_pictures(tmp_path, path, tmp_path / "out", ReadingOptions(columns=columns))
+        import_pictures(tmp_path, path, tmp_path / "out", Reading(columns=columns))
 
 
 POSES = np.array([[1.0, 2.0, 0.0], [4.0, 3.0, 0.0]])

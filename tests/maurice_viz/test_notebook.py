@@ -145,7 +145,7 @@ def test_the_widget_takes_what_it_is_given():
 def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, displayed, capsys):
     maurice(small_session, "--particles", "50", "--feature", "color", "--save-run", "kept", "-o", "none")
     mv.show("kept", layout="overview")
-    mv.show(small_session, feature="color", particles=50)
+    mv.show(small_session, filter=mv.Filter("color", particles=50))
     assert not "".join(capsys.readouterr())
     saved, replayed = (one.content(tmp_path) for one in displayed if isinstance(one, Widget))
     assert "/color/belief/particles" in {str(chunk.entity_path) for chunk in replayed.stream()}

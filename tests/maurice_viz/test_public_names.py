@@ -24,6 +24,7 @@ PACKAGES: tuple[ModuleType, ...] = (maurice_mcl, maurice_loaders, maurice_datase
 BAD = {"long": "x" * 5000, "deep": "/".join(["y" * 100] * 60), "nul": "a\0b", "half": "a\ud800b"}
 NOT_HERE = {"maurice_viz.show"}  # its widget is an extra
 NOT_MADE = {  # they take values that are not made here: rows of trials, a plan, options of reading, keys
+    "maurice_datasets.simulation_plan",  # and opens none
     "maurice_datasets.grouped",
     "maurice_datasets.paired",
     "maurice_datasets.run_plan",
@@ -55,7 +56,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("valid")
     survey, session = write_small_survey(folder), write_small_session(folder)
     sources = dict.fromkeys(("session", "source", "recording", "path"), session)
-    return sources | {"survey": survey, "library": survey, "folder": folder}
+    return sources | {"survey": survey, "library": survey, "folder": folder, "plan": "tracking"}
 
 
 def argument(parameter: inspect.Parameter, bad: str) -> Any:
@@ -107,8 +108,9 @@ def test_an_error_names_what_the_caller_has_options_or_parameters(small_session,
         ({}, "name one with --library.", "name one with library=."),
         ({"library": tmp_path / "survey.log", "start": "tracking"}, "give --start truth", "give start=truth"),
     ):
+        asked = maurice_viz.Filter(start=more.get("start"))
         with pytest.raises(InputError, match=re.escape(parameter)):
-            maurice_viz.replay(alone, **more)
+            maurice_viz.replay(alone, more.get("library"), asked)
         words = [word for name, value in more.items() for word in (f"--{name}", value)]
         assert option in " ".join(failure("replay", alone, *words, "-o", "none").split())
 
@@ -138,7 +140,7 @@ def test_what_an_option_and_a_setting_both_give_is_refused(small_session, tmp_pa
     err = " ".join(run(*drive, f"--{name}", value, "--set", setting, expect=2).stderr.split())
     assert f"{key} is given twice, by --{name} and by --set; give it once" in err
     with pytest.raises(InputError, match=f"{key} is given twice, by {name}= and by settings="):
-        maurice_viz.replay(small_session, settings={key: text}, **{name: value})
+        maurice_viz.replay(small_session, filter=maurice_viz.Filter(settings={key: text}, **{name: value}))
     run("replay", small_session, "-o", "none", "--save-run", tmp_path / "kept")
     err = run(
         "what-if", tmp_path / "kept", "--from", 3, f"--{name}", value, "--set", setting, expect=2

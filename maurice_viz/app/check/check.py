@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,18 +12,21 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from maurice_loaders.files.writing import expect_absent, write_whole
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.scoring.demands import Demands
-from maurice_mcl.values import F64, Library, Plain
+from maurice_mcl.values import Library, Plain
 
 from ...errors import SILENT, Listener, OptionError
-from ...running.run_spec import RunSpec
+from ...running.filters import AnyFilter, filter_of
+from ...running.output import by_suffix
 from .drive import CheckedFilter, DriveCheck, check_drive
 from .failure import expect_new_artifacts
 from .rules import LEAST_PAIRS, baseline_bytes, read_baseline
 
 MOST_SEEDS = 10_000
+NOTHING_DEMANDED = Demands()
+WRITTEN = (".xml", ".parquet", "")  # JUnit, a baseline, a folder of artifacts: endings of what is written
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +34,8 @@ class CheckResult(Plain):
     """Whether a filter passed, drive by drive.
 
     >>> import maurice_viz as mv
-    >>> result = mv.check("session.log", max_error_m=0.3, localized_by=5, particles=50)
+    >>> demands = mv.Demands(max_error_m=0.3, localized_by=5)
+    >>> result = mv.check("session.log", filter=mv.Filter(particles=50), demands=demands)
     >>> result.passed, [demand.title for demand in result.drives[0].demands]
     (True, ['localized by step 5', 'not lost from then on', 'mean error at most 0.3 m'])
     """
@@ -52,61 +56,47 @@ class CheckResult(Plain):
 def check(
     session: str | Path | RecordedSession | Sequence[str | Path],
     library: str | Path | Library | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    max_error_m: float | None = None,
-    localized_by: int | None = None,
-    converged_by: int | None = None,
-    min_localized: float = 0.95,
+    demands: Demands = NOTHING_DEMANDED,
     seeds: int = 1,
-    preset: str | None = None,
-    feature: str | None = None,
-    particles: int | None = None,
-    start: str | F64 | None = None,
-    config: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[str] = (),
-    reading: ReadingOptions | None = None,
+    reading: Reading | None = None,
     against: str | Path | None = None,
-    save_baseline: str | Path | None = None,
-    junit: str | Path | None = None,
-    artifacts: str | Path | None = None,
+    to: str | Path | Sequence[str | Path] = (),
     force: bool = False,
     listener: Listener = SILENT,
 ) -> CheckResult:
     """Test whether a filter does on a drive, or on several, what is demanded of it, with seeds 0, 1, 2, ...
 
-    Each demand holds where at least the share `min_localized` of the runs meets it: to be localized within
-    `localized_by` steps and not lost after that, to be off by at most `max_error_m` in the mean, or to have
-    converged within `converged_by` steps, which needs no true poses. `against` is a baseline that a call
-    wrote to `save_baseline` (.parquet) earlier: fails where errors grew or rates fell, by paired seeds.
-    `junit` is an XML file to write, `artifacts` a folder for why a run failed and a recording of it. The
+    Each of the `demands` holds where enough of the runs meet it. `against` is a baseline that an earlier call
+    wrote: fails where errors grew or rates fell, by paired seeds. `to` is what to write, by its ending: .xml,
+    the result as JUnit; .parquet, a baseline; none, a folder for why a run failed and a recording of it. The
     filter is chosen as in `replay`.
 
     Raises InputError for files that cannot be used and drives without the truth that a demand needs,
     OptionError for demands that make no sense. A check that fails raises nothing: see `passed`.
 
         >>> import maurice_viz as mv
-        >>> mv.check("session.log", max_error_m=0.001, seeds=2, particles=50).passed
+        >>> mv.check("session.log", demands=mv.Demands(max_error_m=0.001), seeds=2).passed
         False
     """
-    demands = Demands(max_error_m, localized_by, converged_by, min_localized)
-    spec = RunSpec.of(preset, feature, particles, 0, start, config, settings, sensors)
+    spec, files = filter_of(filter), by_suffix([to] if isinstance(to, (str, Path)) else to, WRITTEN)
+    junit, save_baseline, folder = map(files.get, WRITTEN)
     _expect_sense(demands, seeds, against is not None, save_baseline is not None)
-    folder = None if artifacts is None else Path(artifacts)
     for file in (save_baseline, junit):
         if file is not None:
-            expect_absent(Path(file), force=force)
+            expect_absent(file, force=force)
     if folder is not None:
         expect_new_artifacts(folder, force=force)
     baseline = None if against is None else read_baseline(Path(against))
     at = Path(library) if isinstance(library, str) else library
-    asked = CheckedFilter(spec, at, demands, seeds, baseline, folder, reading or ReadingOptions())
+    asked = CheckedFilter(spec, at, demands, seeds, baseline, folder, reading or Reading())
     drives = [session] if isinstance(session, (str, Path, RecordedSession)) else session
     result = CheckResult(_checked(asked, drives, listener))
     if junit is not None:
-        _write(Path(junit), result.to_junit().encode(), force)
+        _write(junit, result.to_junit().encode(), force)
     if save_baseline is not None:
-        _write(Path(save_baseline), baseline_bytes(drive.made for drive in result.drives), force)
+        _write(save_baseline, baseline_bytes(drive.made for drive in result.drives), force)
     return result
 
 
@@ -135,8 +125,8 @@ def _expect_sense(demands: Demands, seeds: int, is_compared: bool, is_saved: boo
     for name, value in (("localized", demands.localized_by), ("converged", demands.converged_by)):
         if value is not None and value < 1:
             raise OptionError(f"--{name}-by is a number of steps from 1, found {value}")
-    if not 0 < demands.min_rate <= 1:
-        raise OptionError(f"--min-localized is a rate above 0 and up to 1, found {demands.min_rate:g}")
+    if not 0 < demands.min_localized <= 1:
+        raise OptionError(f"--min-localized is a rate above 0 and up to 1, found {demands.min_localized:g}")
     if not 1 <= seeds <= MOST_SEEDS:
         raise OptionError(f"--seeds is 1 to {MOST_SEEDS:,}, found {seeds}")
     if is_compared and seeds < LEAST_PAIRS:

@@ -14,7 +14,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved
 from maurice_loaders.runs.store import SavedRun
@@ -35,6 +35,7 @@ from maurice_mcl.values import Library, Moment, plain
 
 from ...errors import Listener, OptionError
 from ...playback import FilterRun
+from ...running.filters import Filter, read_as_amcl
 from ...running.open import (
     make_runs,
     open_library_for,
@@ -42,7 +43,6 @@ from ...running.open import (
     overview_of,
     remark_skipped,
 )
-from ...running.run_spec import RunSpec, read_as_amcl
 from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
 from ..convert import only_run
@@ -132,13 +132,13 @@ class DriveCheck:
 class CheckedFilter:
     """What is checked on every drive: a filter, what is demanded of it, and what it is compared with."""
 
-    spec: RunSpec
+    spec: Filter
     library: Path | Library | None
     demands: Demands
     seeds: int
     baseline: BaselineRuns | None = None
     artifacts: Path | None = None
-    reading: ReadingOptions = field(default_factory=ReadingOptions)
+    reading: Reading = field(default_factory=Reading)
 
 
 def check_drive(
@@ -209,7 +209,7 @@ def _check_recorded(
     saved: SavedRun, asked: CheckedFilter, taken: Sequence[str], listener: Listener
 ) -> DriveCheck:
     """Judge a recorded localizer's run by its steps."""
-    if asked.spec != RunSpec() or asked.library is not None or asked.seeds > 1:
+    if asked.spec != Filter() or asked.library is not None or asked.seeds > 1:
         only = "only demands apply, no options of a filter"
         raise OptionError(f"{saved.folder} is another localizer's run: {only}")
     manifest, moments, rows = saved.manifest, list[Moment](), TableRows()

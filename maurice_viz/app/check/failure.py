@@ -16,7 +16,7 @@ from maurice_mcl.values import Library, Plain
 
 from ...errors import Listener
 from ...playback import FilterRun, run_together, shared
-from ...running.output import OutputOptions
+from ...running.output import Output
 from ...running.run import Playback, play
 from ...scene import Detail, RunView, Scene
 from ..diagnose import RunDiagnosis, diagnose
@@ -74,9 +74,7 @@ def failed_run(
         lambda collector: None,
         drawn=range(steps[0], steps[-1] + 1),
     )
-    output = OutputOptions(
-        rrd=file, headless=True, no_recording=file is None, force=True, detail=Detail.LIGHT.value
-    )
+    output = Output(file, force=True, detail=Detail.LIGHT.value)
     scores = play(playback, output, listener)
     result = scores.runs[0]
     diagnosis = RunDiagnosis(result.label, result.verdict, None, session.info.display_units)

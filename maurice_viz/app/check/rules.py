@@ -104,7 +104,7 @@ def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale)
                 FOUND[kind](runs, scale),
                 met,
                 len(runs),
-                demands.min_rate,
+                demands.min_localized,
                 share.low,
                 share.high,
             )

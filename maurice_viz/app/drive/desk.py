@@ -17,8 +17,8 @@ from maurice_mcl.values import INCH_M, Library, Moment
 
 from ...errors import Listener
 from ...playback import FilterRun
+from ...running.filters import Filter
 from ...running.open import make_runs
-from ...running.run_spec import RunSpec
 from ...scene import Scene
 from ...text.comparison import BRANCH
 
@@ -50,7 +50,7 @@ class OperatorsDesk:
     """A robot, the filter that follows it, and what every key does to both."""
 
     def __init__(
-        self, robot: TeleoperatedRobot, library: Library, spec: RunSpec, folder: Path, listener: Listener
+        self, robot: TeleoperatedRobot, library: Library, spec: Filter, folder: Path, listener: Listener
     ) -> None:
         self.run = make_runs(robot, library, [spec], listener)[0]
         self._robot, self._library, self._spec = robot, library, spec

@@ -8,37 +8,33 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from maurice_mcl.sensor.model import SensorModel
 
 from ...errors import SILENT, Listener, OptionError
+from ...running.filters import AnyFilter, filter_of
 from ...running.open import library_at
-from ...running.output import OutputOptions, output_of
+from ...running.output import Output, output_of
 from ...running.run import Playback, Report, RunScores, play, remark_zeros
-from ...running.run_spec import RunSpec
 from ...scene import RunView, Scene
 from .desk import LABEL, LASER, ROBUST, OperatorsDesk, SensorInUse, Tell
+
+if TYPE_CHECKING:
+    from maurice_datasets.simulation import SimulationPlan
 
 STARTS = ("global", "tracking")
 
 
 def drive(
     keys: Iterable[str],
+    plan: SimulationPlan | None = None,
+    filter: AnyFilter = None,  # noqa: A002
     *,
-    world: str | Path = "two-rooms",
-    tier: str = "nominal",
-    seed: int = 0,
-    arena_seed: int = 0,
-    half_resolution: bool = False,
-    laser: bool = False,
-    preset: str | None = None,
-    particles: int | None = None,
-    start: str | None = None,
     folder: str | Path = "drive",
     to: str | Path | None = None,
     force: bool = False,
-    output: OutputOptions | None = None,
+    output: Output | None = None,
     tell: Tell = lambda line: None,
     report: Report = lambda scores: None,
     listener: Listener = SILENT,
@@ -46,10 +42,10 @@ def drive(
     """Drive the simulated robot by keys, while a filter follows it and is drawn; return its scores.
 
     `keys` are up, down, left and right, or letters as `HELP_TEXT` names them; "" is a moment without a key,
-    at which a robot on its own goes on. World and robot are those of `maurice_datasets.simulate`, `seed` is
-    also the filter's. `start` is global (the default) or tracking: whether the filter knows where it begins.
-    `folder` is where "S" saves the drive to, again and again; it must be new. `to` and `output` say what is
-    drawn to, as in `replay`; `tell` gets a line for the operator after every key, an empty one at the end.
+    at which a robot on its own goes on. `plan` is a `maurice_datasets.simulation_plan`: of the task global
+    (the default) the filter does not know where it begins, of tracking it does. `folder` is where "S" saves
+    the drive to, again and again; it must be new. `to` and `output` say what is drawn to, as in `replay`;
+    `tell` gets a line for the operator after every key, an empty one at the end.
 
     InputError for what cannot be simulated, OptionError for other arguments.
 
@@ -61,22 +57,14 @@ def drive(
     from maurice_datasets.sessions import simulation_plan
     from maurice_datasets.teleoperation import TeleoperatedRobot
 
-    if start not in (None, *STARTS):
-        raise OptionError(f"found start {start!r}, expected {' or '.join(STARTS)}")
+    plan = plan or simulation_plan(STARTS[0])
+    if plan.task.name not in STARTS:
+        raise OptionError(f"found task {plan.task.name!r}, expected {' or '.join(STARTS)}")
     output = output_of("drive", output, to, force=force)
-    start = start or STARTS[0]
-    plan = simulation_plan(
-        start,
-        world=str(world),
-        tier=tier,
-        seed=seed,
-        arena_seed=arena_seed,
-        half_resolution=half_resolution,
-        laser=laser,
-    )
     robot = TeleoperatedRobot(plan)
     library = library_at(robot.known(listener.progress), listener)
-    spec = RunSpec(preset or (LASER if laser else ROBUST), None, particles, seed)
+    asked, laser = filter_of(filter), plan.laser
+    spec = asked if asked.preset else asked.set(preset=LASER if laser else ROBUST)
     desk = OperatorsDesk(robot, library, spec, Path(folder), listener)
     sensor = cast(SensorModel, SensorInUse(desk))
     view = replace(RunView.of(LABEL, desk.run.localizer), localizer=None, sensor=sensor)  # judged by records

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maurice_loaders.reading.options import FIELDS, ReadingOptions
+from maurice_loaders.reading.options import FIELDS, Reading
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.values import expected_one_of
@@ -22,7 +22,8 @@ from .startup import skip_pandas
 from .values import KEYS, USUAL, reading_of, sensors_of, settings_of
 
 if TYPE_CHECKING:
-    from ...running.output import OutputOptions
+    from ...running.filters import Filter
+    from ...running.output import Output
 
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 MOST_SEED = 2**32 - 1
@@ -82,7 +83,7 @@ def _words_of(rule: Callable[[str, Any], Any]) -> tuple[str, ...]:
         if expected == "true or false":
             return TRUTHS
         if expected.startswith("one of "):
-            return tuple(expected.removeprefix("one of ").split(", "))
+            return tuple(expected.partition(";")[0].removeprefix("one of ").split(", "))
     return ()
 
 
@@ -241,7 +242,7 @@ _KEEP_GOING = "Skip broken lines and pictures, and report how many at the end."
 KeepGoing = Annotated[bool, option("--keep-going", _KEEP_GOING, READING)]
 _RECORDED = "For a bag: show the particles of the recorded localizer; no filter runs."
 AsRecorded = Annotated[bool, option("--as-recorded", _RECORDED, READING)]
-Reading = Annotated[
+ReadingPairs = Annotated[
     list[str] | None,
     option(
         "--reading",
@@ -272,15 +273,20 @@ class FilterSet:
     settings: Set = None
     sensors: Sensors = None
 
-    def arguments(self) -> dict[str, Any]:
-        """Return all of it as the public functions take it."""
-        return arguments_of(self)
+    def filter(self, seed: int = 0) -> Filter:
+        """Return the filter."""
+        return filter_from(self, seed=seed)
 
 
-def arguments_of(options: Any) -> dict[str, Any]:
-    """Return a set of options of a filter as the public functions take them."""
-    typed = {field.name: getattr(options, field.name) for field in fields(options)}
-    return typed | {"settings": settings_of(options.settings), "sensors": sensors_of(options.sensors)}
+def filter_from(options: Any, **more: Any) -> Filter:
+    """Return the filter that a set of options asks for."""
+    from ...running.filters import Filter
+
+    names = ("preset", "feature", "particles", "start", "config")
+    asked = {name: value for name in names if (value := getattr(options, name, None)) is not None}
+    return Filter(
+        settings=settings_of(options.settings), sensors=sensors_of(options.sensors), **asked, **more
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,14 +303,61 @@ class FiltersSet:
     settings: Set = None
     sensors: Sensors = None
 
-    def arguments(self) -> dict[str, Any]:
-        """Return all of it as `compare` takes it."""
-        typed = {name: getattr(self, name) or () for name in FILTERS}
-        settings, sensors = _settings_of_each(self.settings or ()), sensors_of(self.sensors)
-        return typed | {"library": self.library, "settings": settings, "sensors": sensors}
+    def filters(self, sessions: int = 1) -> list[Filter]:
+        """Return a filter for each value of the one option that has several; the others hold for all.
+
+        AMCL's parameters are a filter of their own, and compared with presets. There is none where nothing is
+        asked for. OptionError for others, and for several filters of several sessions.
+        """
+        from ...running.filters import Filter
+
+        given = {field: getattr(self, option) or () for field, option in FILTERS.items()}
+        given["settings"] = _settings_of_each(self.settings or ())
+        several = [kind for kind, values in given.items() if len(values) > 1]
+        if sessions > 1 and several:
+            raise OptionError(f"sessions are compared with one filter; give --{_option(several[0])} once")
+        if len(several) > 1:
+            words = " and ".join(f"--{_option(kind)}" for kind in several)
+            raise OptionError(f"{words} are given several times; give exactly one option several times")
+        amcl = given["config"] and Filter(config=given["config"][0]).amcl
+        if amcl and given["preset"] and several in ([], ["config"], ["preset"]):
+            apart = (
+                self._each("config", {**given, "preset": ()}),
+                self._each("preset", {**given, "config": ()}),
+            )
+            return [*apart[0], *apart[1]]
+        if not (self.sensors or any(given.values())):
+            return []
+        if sessions > 1 or several:
+            given["seed"] = given["seed"] or [0]
+            return self._each(several[0] if several else "seed", given)
+        if given["feature"]:
+            raise OptionError(f"found 1 run to compare; give one of {KINDS} several times")
+        return self._each("feature", {**given, "feature": COLOR_AND_BLENDED})
+
+    def _each(self, kind: str, given: Mapping[str, Sequence[Any]]) -> list[Filter]:
+        """Return a filter for each value of one option; the first of every other holds for all."""
+        from ...running.filters import Filter
+
+        common = {name: values[0] for name, values in given.items() if values and name != kind}
+        common["sensors"] = sensors_of(self.sensors)
+        return [Filter(**common, **{kind: value}) for value in given[kind]]
 
 
-FILTERS = ("presets", "features", "particles", "seeds", "starts", "configs")
+COLOR_AND_BLENDED = ("color", "blended")  # what is compared where nothing is asked for
+KINDS = "--feature, --preset, --particles, --seed, --start, --config and --set"
+FILTERS = {  # field of a filter to the option of several
+    "feature": "features",
+    "preset": "presets",
+    "particles": "particles",
+    "seed": "seeds",
+    "start": "starts",
+    "config": "configs",
+}
+
+
+def _option(kind: str) -> str:
+    return "set" if kind == "settings" else kind
 
 
 def _settings_of_each(pairs: Iterable[str]) -> list[dict[str, Any]]:
@@ -325,10 +378,10 @@ def _settings_of_each(pairs: Iterable[str]) -> list[dict[str, Any]]:
 class ReadingSet:
     """How a recording is read."""
 
-    reading: Reading = None
+    reading: ReadingPairs = None
     keep_going: KeepGoing = False
 
-    def options(self) -> ReadingOptions:
+    def options(self) -> Reading:
         """Return what was typed as one value."""
         return reading_of(self.reading, keep_going=self.keep_going)
 
@@ -343,9 +396,9 @@ class DrawingSet:
     detail: Detail = DETAILS[0]
     force: Force = False
 
-    def output(self, stem: str, save_run: Path | None = None, **more: Any) -> OutputOptions:
+    def output(self, stem: str, save_run: Path | None = None, **more: Any) -> Output:
         """Return where the output goes; `stem` names the recording where `-o` does not."""
-        from ...running.output import OutputOptions
+        from ...running.output import Output
 
         if self.web and self.rrd is not None:
             raise OptionError("--web serves the recording and -o writes it: give one of them")
@@ -360,16 +413,14 @@ class DrawingSet:
             from ...viewer.web import WebViewer  # imports Rerun
 
             server = WebViewer()
-        file = None if self.rrd in (None, "auto", "none") else Path(str(self.rrd))
-        return OutputOptions(
-            stem,
-            file,
-            headless=self.rrd == "auto",
-            no_recording=self.rrd == "none",
-            force=self.force,
+        return Output(
+            to=None if self.rrd == "none" else self.rrd,
             save_run=save_run,
             layout=self.layout,
             detail=self.detail,
+            force=self.force,
+            viewer=self.rrd is None and not self.web,
+            stem=stem,
             web=server,
             **more,
         )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from maurice_loaders.files.text import METERS, parse_toml
-from maurice_loaders.reading.options import FIELDS, RULES, ReadingOptions, option_value, read_reading
+from maurice_loaders.reading.options import FIELDS, RULES, Reading, option_value, read_reading
 from maurice_mcl.values import expected_one_of
 
 from ...errors import OptionError
@@ -47,19 +47,6 @@ def _toml(pair: str, value: str) -> Any:
         raise OptionError(f"--set {pair}: {problem}") from None
 
 
-def by_suffix(files: Iterable[Path] | None, suffixes: Sequence[str]) -> dict[str, Path]:
-    """Return the files of a repeated -o by their endings. OptionError for others, and for two alike."""
-    outputs: dict[str, Path] = {}
-    for file in files or ():
-        if file.suffix not in suffixes:
-            endings = " or ".join(suffix or "nothing (a folder)" for suffix in suffixes)
-            raise OptionError(f"-o ends in {endings}, found {str(file)!r}")
-        if file.suffix in outputs:
-            raise OptionError(f"-o gives two files that end in {file.suffix}; give one")
-        outputs[file.suffix] = file
-    return outputs
-
-
 def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000.0) -> float:
     """Read an option's length, such as 18in, 0.6m, 45cm or 1.5ft, in meters. OptionError for other words."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|mm|cm|m)\s*", text)
@@ -73,10 +60,10 @@ def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000
 # How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.
 
 KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # as typed: angles in degrees
-USUAL = ReadingOptions()
+USUAL = Reading()
 
 
-def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
+def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> Reading:
     """Return the options that files and KEY=VALUE pairs set; later ones override earlier ones.
 
     OptionError for a pair that is not valid, InputError for a file.
@@ -93,7 +80,7 @@ def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> Read
     return replace(options, keep_going=keep_going or options.keep_going)
 
 
-def typed(options: ReadingOptions) -> list[str]:
+def typed(options: Reading) -> list[str]:
     """Return the options that differ from their defaults, as typed on the command line."""
     words = []
     for key, name in KEYS.items():
@@ -109,7 +96,7 @@ def _text(name: str, value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else option_value(name, value)
 
 
-def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
+def _with(options: Reading, key: str, value: str) -> Reading:
     name = KEYS.get(key, key if key in FIELDS else None)
     if name is None:
         raise OptionError(f"--reading has no key {key!r}; {expected_one_of(key, KEYS)}")

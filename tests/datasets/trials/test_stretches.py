@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from maurice_datasets.sessions import simulate
+from maurice_datasets.sessions import simulate, simulation_plan
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import Part, Plan, SessionSpec, Variants, read_plan
 from maurice_datasets.trials.rows import read_rows
@@ -77,7 +77,7 @@ def test_a_stretch_longer_than_the_drive_is_refused() -> None:
 
 
 def test_a_plan_runs_over_parts_of_a_recording_on_a_map_of_its_scans(tmp_path: Path) -> None:
-    path = str(simulate("tracking", tmp_path / "drive", updates=40, laser=True).session)
+    path = str(simulate(simulation_plan("tracking", updates=40, laser=True), tmp_path / "drive").session)
     updates = sum(1 for _ in open_session(path).moments())
     whole = SessionSpec("second half", path=path, mapped="first half")
     anywhere = SessionSpec("anywhere", path=path, mapped="all", start="anywhere", stretch=5)

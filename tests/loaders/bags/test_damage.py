@@ -22,7 +22,7 @@ from helpers.bags import Ros, Said
 from maurice_loaders.bags.containers import open_ros2
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose
 
 
@@ -46,14 +46,14 @@ REPAIRS = {
     ".db3": "`sqlite3 {name} .recover | sqlite3 repaired.db3`",
     ".mcap": "`mcap recover {name} -o repaired.mcap`",
 }
-CAMERA = ReadingOptions(image_topic="/camera/image/compressed")
+CAMERA = Reading(image_topic="/camera/image/compressed")
 
 
-def _read(path: Path, options: ReadingOptions | None = None) -> int:
+def _read(path: Path, options: Reading | None = None) -> int:
     return len(list(open_session(path, options).moments()))
 
 
-def _refusal(path: Path, options: ReadingOptions | None = None) -> str:
+def _refusal(path: Path, options: Reading | None = None) -> str:
     with pytest.raises(InputError) as told:
         _read(path, options)
     return str(told.value)
@@ -73,7 +73,7 @@ def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
             damaged[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
         (whole if path.is_dir() else path).write_bytes(damaged)
         with suppress(InputError):  # which is one line; anything else fails
-            _read(path, ReadingOptions(keep_going=trial % 2 == 0))
+            _read(path, Reading(keep_going=trial % 2 == 0))
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -227,7 +227,7 @@ def noise(ros: Ros, t_ns: int) -> object:
 def test_a_damaged_chunk_is_refused(name: str, tmp_path: Path) -> None:
     path = _large_and_damaged(tmp_path, name)
     for keep_going in (False, True):
-        text = _refusal(path, ReadingOptions(image_topic=CAMERA.image_topic, keep_going=keep_going))
+        text = _refusal(path, Reading(image_topic=CAMERA.image_topic, keep_going=keep_going))
         assert "found a damaged or incomplete file" in text
         kind, file = (".bag", "made.bag") if name == "bz2.bag" else (".mcap", "made.mcap")
         assert REPAIRS[kind].format(name=file) in text
@@ -373,8 +373,8 @@ def test_of_a_damaged_compressed_message_the_others_are_read(tmp_path: Path) -> 
         number, data = rows.fetchall()[3]
         database.execute("update messages set data = ? where id = ?", (data[: len(data) // 2], number))
     with pytest.raises(InputError, match="a compressed chunk is cut"):
-        list(open_recording(folder, ReadingOptions()).records(ReadingNotes(keep_going=False)))
+        list(open_recording(folder, Reading()).records(ReadingNotes(keep_going=False)))
     notes = ReadingNotes(keep_going=True)
-    records = list(open_recording(folder, ReadingOptions()).records(notes))
+    records = list(open_recording(folder, Reading()).records(notes))
     assert notes.count == 1
     assert sum(isinstance(record, OdometryPose) for record in records) == 9

@@ -23,7 +23,7 @@ from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.maps import MOST_WALLS, arena_of_message
 from maurice_loaders.formats.registry import guess, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.filter.estimate import modes, share_within
 from maurice_mcl.values.library import USUAL
 from maurice_mcl.values.map import open_arena
@@ -32,7 +32,7 @@ from maurice_mcl.values.session import Moment
 from maurice_viz.app.replay import replay
 from maurice_viz.cli.app import app
 from maurice_viz.panels.belief import ellipse_of
-from maurice_viz.running.output import layout_of
+from maurice_viz.running.output import Output, layout_of
 from maurice_viz.running.recorded import (
     AFTER_RESAMPLING,
     WITHOUT_CLOUD,
@@ -47,12 +47,12 @@ ARENA = open_arena(np.array([[0.0, 0.0], [5.0, 4.0]]))
 
 
 def updates(path: Path) -> list[RecordedUpdate]:
-    localizer = RecordedLocalizer(path, BAGS[guess(path).name], ReadingOptions())
+    localizer = RecordedLocalizer(path, BAGS[guess(path).name], Reading())
     return list(localizer.updates(ReadingNotes(keep_going=False)))
 
 
 def updates_shown(path: Path) -> list[tuple[Moment, StepRecord]]:
-    return [one for step in together(open_recorded(path, ReadingOptions())) for one in step.values()]
+    return [one for step in together(open_recorded(path, Reading())) for one in step.values()]
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_weights_that_make_no_sense_count_as_equal(weights: float, tmp_path: Pat
     ros = Ros(2)
     cloud = ros.particles(BEGIN_NS, np.zeros((3, 3)), np.full(3, weights))
     said = [Said("/particle_cloud", "nav2_msgs/ParticleCloud", BEGIN_NS, cloud)]
-    recorded = open_recorded(making.write_ros2(tmp_path / "bag", said), ReadingOptions())
+    recorded = open_recorded(making.write_ros2(tmp_path / "bag", said), Reading())
     ((_, record),) = (pair for step in together(recorded) for pair in step.values())
     np.testing.assert_allclose(record.weighted.weights, 1 / 3)
     assert recorded[0].unweighted == 1
@@ -159,7 +159,7 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
         aside = ros.pose_stamped(t_ns, [1.3 + 0.05 * k, 2.0, 0.5])
         said.append(Said("/orb_slam/pose", "geometry_msgs/PoseStamped", t_ns, aside))
     path = making.write_ros2(tmp_path / "bag", sorted(said, key=lambda one: one.log_ns))
-    asked = ReadingOptions(localizer_topic="/amcl_pose, /orb_slam/pose,/particle_cloud")
+    asked = Reading(localizer_topic="/amcl_pose, /orb_slam/pose,/particle_cloud")
     file = tmp_path / "out.rrd"
     scores = replay(path, to=file, reading=asked, as_recorded=True)
     assert [run.label for run in scores.runs] == ["amcl_pose", "orb_slam-pose", "particle_cloud"]
@@ -169,9 +169,9 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
     [first, *_] = together(open_recorded(path, asked))
     assert {record.frame.step for _, record in first.values()} == {1}
     with pytest.raises(InputError, match="expected one to 4 topics"):
-        open_recorded(path, ReadingOptions(localizer_topic="/amcl_pose,/amcl_pose"))
+        open_recorded(path, Reading(localizer_topic="/amcl_pose,/amcl_pose"))
     with pytest.raises(InputError, match="found no topic /nowhere"):
-        open_recorded(path, ReadingOptions(localizer_topic="/amcl_pose,/nowhere"))
+        open_recorded(path, Reading(localizer_topic="/amcl_pose,/nowhere"))
 
 
 def test_stand_ins_have_the_covariance() -> None:
@@ -217,17 +217,17 @@ def test_a_localizer_is_not_lost_by_a_camera_that_it_does_not_use(
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
     with pytest.raises(InputError, match="found no cloud"):
-        open_recorded(path, ReadingOptions())
+        open_recorded(path, Reading())
     log = tmp_path / "session.log"
     log.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session"}\n')
     with pytest.raises(InputError, match="expected one of rosbag1, rosbag2, mcap"):
-        open_recorded(log, ReadingOptions())
+        open_recorded(log, Reading())
 
 
 @pytest.mark.parametrize("detail", ["full", "events", "light"])
 def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
     file = tmp_path / "out.rrd"
-    replay(nav2, to=file, detail=detail, as_recorded=True)
+    replay(nav2, output=Output(detail=detail, to=file), as_recorded=True)
     assert file.stat().st_size > 10_000
 
 
@@ -236,7 +236,7 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
     said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
     path = making.write_ros2(tmp_path / "bag", said)
-    playing = playback_of_recorded(open_recorded(path, ReadingOptions()))
+    playing = playback_of_recorded(open_recorded(path, Reading()))
     titles = _titles(layout_of(playing.views, playing.scene).root_container)
     assert ("The robot sees" in titles) == pictures
     assert {"Cloud close up", "What this step did"} <= titles

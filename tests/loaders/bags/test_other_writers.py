@@ -18,7 +18,7 @@ from helpers.recordings import counted
 from maurice_loaders.bags.containers import open_mcap
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
@@ -104,7 +104,7 @@ def test_an_empty_bag_says_that_it_holds_nothing(tmp_path: Path) -> None:
 def test_options_of_tables_are_refused(option: dict[str, Any], tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
     with pytest.raises(InputError, match=r"found --reading (time_unit|table|columns)=.*this is a bag"):
-        open_recording(path, ReadingOptions(**option))
+        open_recording(path, Reading(**option))
 
 
 def _protobuf_drive(path: Path, **how: object) -> Path:

@@ -21,7 +21,7 @@ from helpers.bags import BEGIN_NS, Ros, Said
 from helpers.recordings import counted, read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose, Picture, Scan
 from maurice_loaders.reading.session import RecordedSession
 
@@ -153,7 +153,7 @@ def test_topics_as_asked(tmp_path: Path) -> None:
     said = making.drive(ros)
     said += [replace(one, topic="/other/image") for one in said if "camera" in one.topic]
     path = making.write_ros1(tmp_path / "drive.bag", sorted(said, key=lambda one: one.log_ns))
-    asked = ReadingOptions(image_topic="/other/image", odometry_topic="none", truth_topic="/ground_truth")
+    asked = Reading(image_topic="/other/image", odometry_topic="none", truth_topic="/ground_truth")
     recording = open_recording(path, asked)
     records = list(recording.records(ReadingNotes(keep_going=False)))
     assert Counter(type(r).__name__ for r in records) == {"Picture": 5, "TruthPose": 10}
@@ -181,13 +181,13 @@ def test_topics_of_sensors_that_are_not_read_are_named(version: int, tmp_path: P
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (ReadingOptions(image_topic="/nowhere"), "found no topic /nowhere; it holds /camera"),
-        (ReadingOptions(image_topic="/odom"), "carries nav_msgs/Odometry, expected"),
-        (ReadingOptions(odometry_topic="/camera/image/compressed"), "carries sensor_msgs/CompressedImage"),
-        (ReadingOptions(truth_topic="/odom:map.base"), "carries nav_msgs/Odometry, expected"),
+        (Reading(image_topic="/nowhere"), "found no topic /nowhere; it holds /camera"),
+        (Reading(image_topic="/odom"), "carries nav_msgs/Odometry, expected"),
+        (Reading(odometry_topic="/camera/image/compressed"), "carries sensor_msgs/CompressedImage"),
+        (Reading(truth_topic="/odom:map.base"), "carries nav_msgs/Odometry, expected"),
     ],
 )
-def test_wrong_topics_are_named(options: ReadingOptions, told: str, tmp_path: Path) -> None:
+def test_wrong_topics_are_named(options: Reading, told: str, tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "drive.bag", making.drive(Ros(1)))
     with pytest.raises(InputError, match=told):
         open_recording(path, options)
@@ -204,12 +204,12 @@ def test_transforms_are_chained(tmp_path: Path) -> None:
         said.append(making.link(ros, t_ns, "map", "odom", (9.0, 9.0, 1.0)))
     path = making.write_ros2(tmp_path / "drive", said)
     assert "/tf:odom.base_footprint" in open_recording(path).info.notes[0]
-    poses = [r.pose for r in read(path, ReadingOptions(odometry_topic="/tf:odom.base_link"))[0]]  # type: ignore[union-attr]  # all are
+    poses = [r.pose for r in read(path, Reading(odometry_topic="/tf:odom.base_link"))[0]]  # type: ignore[union-attr]  # all are
     want = [(number, 0.5, -np.pi) for number in range(1, 4)]
     np.testing.assert_allclose(np.abs(poses), np.abs(want), atol=1e-9)
     ring = [making.link(ros, BEGIN_NS, a, b, (1.0, 0.0, 0.0)) for a, b in (("a", "b"), ("b", "a"))]
     path = making.write_ros2(tmp_path / "ring", ring)  # which is no endless loop
-    assert read(path, ReadingOptions(odometry_topic="/tf:odom.b"))[0] == []
+    assert read(path, Reading(odometry_topic="/tf:odom.b"))[0] == []
 
 
 def test_poses_by_transforms_are_those_of_the_lowest_frame_that_moves(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_poses_by_transforms_are_those_of_the_lowest_frame_that_moves(tmp_path: 
             old = ros.transforms(BEGIN_NS - 10**12, "base_footprint", "base_link", (0.1, 0.0, 0.0))
             said.append(Said("/tf_static", "tf2_msgs/TFMessage", t_ns + 2 * 10**6, old))
     path = making.write_ros2(tmp_path / "b", [fixed, *said])
-    options = ReadingOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
+    options = Reading(odometry_topic="/tf:map.base_link", truth_topic="none")
     records, _ = read(path, options)
     times = np.array([record.t_s for record in records]) - BEGIN_NS / 1e9
     moving = times > 0.35  # before that nothing has moved yet
@@ -238,7 +238,7 @@ def test_stamps_put_messages_in_order_and_offsets_are_added(tmp_path: Path) -> N
     said = making.drive(Ros(1))
     late = [replace(s, log_ns=s.log_ns + 3 * 10**8 * ("camera" in s.topic)) for s in said]
     path = making.write_ros1(tmp_path / "drive.bag", sorted(late, key=lambda one: one.log_ns))
-    for options, first, last in ((None, 0, 0.9), (ReadingOptions(odometry_offset_s=100.0), 0, 100.9)):
+    for options, first, last in ((None, 0, 0.9), (Reading(odometry_offset_s=100.0), 0, 100.9)):
         times = [r.t_s for r in read(path, options)[0]]
         assert times == sorted(times)
         assert (times[0], times[-1]) == pytest.approx((BEGIN_NS / 1e9 + first, BEGIN_NS / 1e9 + last))
@@ -332,7 +332,7 @@ def test_bags_that_cannot_be_read_say_what_they_hold(tmp_path: Path) -> None:
     for bag, options, told in (
         (path, None, r"it holds /chatter \(std_msgs/String, 1\)"),
         (packed, None, "encoded as 'flatbuffer'"),
-        (packed, ReadingOptions(image_topic="/image"), unknown),
+        (packed, Reading(image_topic="/image"), unknown),
     ):
         with pytest.raises(InputError, match=told):
             open_recording(bag, options)
@@ -346,7 +346,7 @@ def test_broken_messages_are_counted_and_an_unfilled_quaternion_is_no_heading(tm
     path = making.write_json_mcap(tmp_path / "drive.mcap", said)
     with pytest.raises(InputError, match=r"message 1 of /truth .*found no field"):
         list(open_session(path).moments())
-    session = open_session(path, ReadingOptions(keep_going=True))
+    session = open_session(path, Reading(keep_going=True))
     assert len(list(session.moments())) == 4
     assert session.problem_count == 2
     ros = Ros(1)

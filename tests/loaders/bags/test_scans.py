@@ -20,7 +20,7 @@ from maurice_loaders.bags.maps import map_in
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.maps import read_occupancy
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose, Record, Scan, TruthPose, checked
 
 DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
@@ -28,7 +28,7 @@ SCAN = "sensor_msgs/LaserScan"
 
 
 def records(path: Path, **options: Any) -> list[Record]:
-    return list(checked(open_recording(path, ReadingOptions(**options)), ReadingNotes(keep_going=False)))
+    return list(checked(open_recording(path, Reading(**options)), ReadingNotes(keep_going=False)))
 
 
 def scans(path: Path, **options: Any) -> list[Scan]:
@@ -36,7 +36,7 @@ def scans(path: Path, **options: Any) -> list[Scan]:
 
 
 def remark(path: Path) -> str:
-    return open_recording(path, ReadingOptions()).info.notes[0]
+    return open_recording(path, Reading()).info.notes[0]
 
 
 def one_scan(folder: Path, ranges: Sequence[float], said: Sequence[Said] = (), **more: float) -> Path:
@@ -192,9 +192,9 @@ def test_the_main_laser_is_guessed_and_another_may_be_asked_for(
     (asked,) = scans(path, scan_topic=topics[1])
     assert asked.scan.ranges_m.tolist() == [2.0]
     with pytest.raises(InputError, match="found no topic of a type that is read"):
-        open_recording(path, ReadingOptions(scan_topic="none"))
+        open_recording(path, Reading(scan_topic="none"))
     with pytest.raises(InputError, match="found no topic /nowhere"):
-        open_recording(path, ReadingOptions(scan_topic="/nowhere"))
+        open_recording(path, Reading(scan_topic="/nowhere"))
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def test_the_map_of_a_bag(tmp_path: Path) -> None:
     assert occupancy.cells.tolist() == [[0, 1, 2], [0, 0, 2]]
     assert occupancy.bounds == pytest.approx((0.0, 0.0, 0.15, 0.1))
     notes = ReadingNotes(keep_going=False)
-    assert list(open_recording(path, ReadingOptions()).records(notes))
+    assert list(open_recording(path, Reading()).records(notes))
     assert not any("/map" in text for text in notes.warnings)  # it is read, and not named as left out
     assert map_in(making.write_ros1(tmp_path / "none.bag", making.laser_drive(ros))) is None
     grown = replace(grid, log_ns=BEGIN_NS + 10**9, message=ros.grid(np.full((3, 3), 100) * np.eye(3)))
@@ -266,13 +266,13 @@ def test_where_there_are_only_points_it_is_told_how_to_make_scans(tmp_path: Path
     assert told in remark(making.write_ros2(tmp_path / "moving", [cloud, *odometry]))
     assert told not in remark(making.write_ros2(tmp_path / "scans", [cloud, *drive]))
     with pytest.raises(InputError, match=told):
-        open_recording(making.write_ros2(tmp_path / "alone", [cloud]), ReadingOptions())
+        open_recording(making.write_ros2(tmp_path / "alone", [cloud]), Reading())
 
 
 def test_without_odometry_every_scan_is_used_whatever_the_way_between_them(tmp_path: Path) -> None:
     said = [one for one in making.laser_drive(Ros(2)) if one.topic != "/odom"]
     path = making.write_ros2(tmp_path / "b", said)
-    for options in (ReadingOptions(), ReadingOptions(min_distance_m=0.25, min_angle_rad=0.2)):
+    for options in (Reading(), Reading(min_distance_m=0.25, min_angle_rad=0.2)):
         assert len(list(open_session(path, options).moments())) == 5
 
 
@@ -305,7 +305,7 @@ def test_the_last_pose_given_by_hand_before_the_robot_went_far_is_where_the_driv
         message = ros.unsure(t_ns, (1, 2, 0.5) if at_s == after_s[-1] or at_s == 2 else (9, 9, 0.0))
         drive.append(Said("/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns + 1000, message))
     bag = making.write_ros2(tmp_path / "b", sorted(drive, key=lambda said: said.log_ns))
-    recording = open_recording(bag, ReadingOptions())
+    recording = open_recording(bag, Reading())
     assert (recording.info.start is None) == (not is_start)
     if recording.info.start is not None:
         back_m = 0.0 if odometry == "none" else 2.0

@@ -12,7 +12,7 @@ from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose
 from maurice_mcl.values import F64
 
@@ -31,7 +31,7 @@ def bag(path: Path, pose_at: Callable[[float], tuple[float, float, float]], spee
 
 
 def poses(path: Path, **options: float) -> F64:
-    records = open_recording(path, ReadingOptions(**options)).records(ReadingNotes(keep_going=True))  # type: ignore[arg-type]
+    records = open_recording(path, Reading(**options)).records(ReadingNotes(keep_going=True))  # type: ignore[arg-type]
     return np.array([record.pose for record in records if isinstance(record, OdometryPose)])
 
 

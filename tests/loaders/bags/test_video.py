@@ -19,7 +19,7 @@ from helpers.bags import BEGIN_NS, Said
 from maurice_loaders.bags import video as bag_video
 from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 
 PICTURES = 24
 GROUP = 8  # pictures from one key frame to the next
@@ -286,6 +286,6 @@ def test_without_the_extra_it_is_said(kind: str, tmp_path: Path, monkeypatch: py
     path = bag(tmp_path, kind, packed("h264"))
     monkeypatch.setattr(bag_video.importlib.util, "find_spec", lambda name: None if name == "av" else name)
     with pytest.raises(InputError, match=r"pip install 'maurice-replay\[video\]'"):
-        list(open_session(path, ReadingOptions(image_topic="/cam/video")).moments())
+        list(open_session(path, Reading(image_topic="/cam/video")).moments())
     if "Image" not in kind:
         assert "/cam/video is video; decoding it needs an extra" in open_recording(path).info.notes[0]

@@ -22,7 +22,7 @@ from maurice_loaders.doctor.odometry import compared_with_truth
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.values.library import Library
 
 from ..conftest import WriteLog
@@ -45,13 +45,13 @@ def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library], tmp_path
     for truth in (True, False):
         copy = broken(log, tmp_path / f"{truth}.log", None, truth=truth)
         for references in (library, None):
-            assert codes(examine(copy, ReadingOptions(), references)) == []
+            assert codes(examine(copy, Reading(), references)) == []
 
 
 @pytest.mark.parametrize("name", BREAKS)
 def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library], tmp_path: Path) -> None:
     code, how = BREAKS[name]
-    found = examine(broken(drive[0], tmp_path / "b.log", how), ReadingOptions(), None)
+    found = examine(broken(drive[0], tmp_path / "b.log", how), Reading(), None)
     assert codes(found)[0] == code
     assert all(one.evidence and one.options for one in found.findings)
 
@@ -63,7 +63,7 @@ def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
 ) -> None:
     clocks = {"pictures late": late("image", 9.0), "truth clock": late("truth", 500.25)}
     log = broken(drive[0], tmp_path / "b.log", clocks.get(name) or BREAKS[name][1])
-    found = examine(log, ReadingOptions(), drive[1])
+    found = examine(log, Reading(), drive[1])
     assert codes(examine(log, found.fixed, drive[1])) == []
     healthy, fixed = list(open_session(drive[0]).moments()), list(open_session(log, found.fixed).moments())
     assert len(fixed) == len(healthy) == 24
@@ -81,7 +81,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turned = odometry(lambda f, s, t: (f * cos - s * sin, f * sin + s * cos, t))
     log = broken(drive[0], tmp_path / "b.log", turned, truth=False)
-    (finding,) = examine(log, ReadingOptions(), None).findings
+    (finding,) = examine(log, Reading(), None).findings
     assert finding.code == ("frame-swapped" if degrees == 75 else "frame-turned")
     assert finding.numbers["offset_deg"] == pytest.approx(-degrees, abs=5)
 
@@ -89,7 +89,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
 def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> None:
     def numbers(name: str) -> dict[str, float]:
         log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
-        return dict(examine(log, ReadingOptions(), None).findings[0].numbers)
+        return dict(examine(log, Reading(), None).findings[0].numbers)
 
     assert numbers("millimeters")["scale"] == pytest.approx(0.001, rel=0.15)
     assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
@@ -99,7 +99,7 @@ def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> N
 
 def test_late_pictures_are_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
     log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
-    found = examine(log, ReadingOptions(), drive[1])
+    found = examine(log, Reading(), drive[1])
     assert codes(found) == ["picture-delay"]
     assert found.findings[0].numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # it stands while it looks
 
@@ -111,7 +111,7 @@ def test_a_camera_that_looks_aside_is_found_and_mended(degrees: int, drive: tupl
     poses = library.poses - [0, 0, np.radians(degrees)]
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     turned = replace(library, poses=poses)
-    found = examine(log, ReadingOptions(), turned)
+    found = examine(log, Reading(), turned)
     assert codes(found) == ["camera-yaw"]
     assert found.findings[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
     if degrees == 45:
@@ -131,7 +131,7 @@ def test_times_that_fall_and_numbers_that_no_log_may_hold_are_told(
     records: list[tuple[float, float]], told: list[str], write_log: WriteLog
 ) -> None:
     log = write_log(*({"t": t, "odometry": [x, 0, 0]} for t, x in records))
-    found = examine(log, ReadingOptions(), None)
+    found = examine(log, Reading(), None)
     assert codes(found) == told
     assert (found.truth, found.pictures) == (0, 0)
 
@@ -139,15 +139,13 @@ def test_times_that_fall_and_numbers_that_no_log_may_hold_are_told(
 def test_broken_lines_are_counted_and_what_is_no_session_is_refused(
     write_log: WriteLog, survey: Path, tmp_path: Path
 ) -> None:
-    found = examine(
-        write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), ReadingOptions(), None
-    )
+    found = examine(write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), Reading(), None)
     assert codes(found) == ["broken"]
     assert found.odometry == 1
     with pytest.raises(InputError, match="survey"):
-        examine(survey, ReadingOptions(), None)
+        examine(survey, Reading(), None)
     with pytest.raises(InputError, match="no such file"):
-        examine(tmp_path / "gone.log", ReadingOptions(), None)
+        examine(tmp_path / "gone.log", Reading(), None)
 
 
 def test_a_motion_model_that_nobody_knows_is_one_line(
@@ -156,12 +154,12 @@ def test_a_motion_model_that_nobody_knows_is_one_line(
     records = [{"t": t, key: [0.1 * t, 0, 0]} for t in range(4) for key in ("odometry", "truth")]
     log = write_log(*records, {"t": 3, "image": pixel}, robot={"motion": {"model": "hover"}})
     with pytest.raises(InputError, match=r"session.log:1: robot.motion.model is 'hover'; known are"):
-        examine(log, ReadingOptions(), drive[1])
+        examine(log, Reading(), drive[1])
 
 
 @pytest.mark.parametrize(("known", "lacking"), [("truth", "odometry"), ("odometry", "truth")])
 def test_what_is_lacking_for_a_comparison_is_named(known: str, lacking: str, write_log: WriteLog) -> None:
-    found = examine(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), ReadingOptions(), None)
+    found = examine(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), Reading(), None)
     assert f"{lacking}: there is none" in found.not_asked
 
 
@@ -172,7 +170,7 @@ def test_without_odometry_it_says_how_some_is_made(write_log: WriteLog, pixel: d
 
     def said(*records: dict[str, Any]) -> list[str]:
         ordered = sorted(records, key=lambda one: float(one["t"]))
-        advice = odometry_advice(examine(write_log(*ordered), ReadingOptions(), None))
+        advice = odometry_advice(examine(write_log(*ordered), Reading(), None))
         return [one.split("=")[0] for one in advice]
 
     made = ["--reading odometry_from_truth", "--reading odometry_from_pictures"]
@@ -184,9 +182,9 @@ def test_odometry_from_pictures_is_offered_with_the_view_that_it_needs(
     write_log: WriteLog, pixel: dict[str, Any]
 ) -> None:
     log = write_log(*({"t": t, "image": pixel} for t in range(3)))
-    (without,) = odometry_advice(examine(log, ReadingOptions(), None))
+    (without,) = odometry_advice(examine(log, Reading(), None))
     assert without.startswith("--reading odometry_from_pictures=true,camera_fov_deg=60 makes")
-    (stated,) = odometry_advice(examine(log, ReadingOptions(camera_fov_rad=1.2), None))
+    (stated,) = odometry_advice(examine(log, Reading(camera_fov_rad=1.2), None))
     assert stated.startswith("--reading odometry_from_pictures=true makes")
 
 
@@ -204,7 +202,7 @@ def test_no_numbers_bring_it_down(
     lines: list[tuple[float, str, list[float]]], ordered: bool, write_log: WriteLog
 ) -> None:
     rows = sorted(lines) if ordered else lines
-    found = examine(write_log(*({"t": t, key: v} for t, key, v in rows)), ReadingOptions(), None)
+    found = examine(write_log(*({"t": t, key: v} for t, key, v in rows)), Reading(), None)
     assert found.odometry + found.truth <= len(lines)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from maurice_loaders.doctor.inspection import Inspection, inspect_file
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 
 from ..conftest import WriteLog
 
@@ -20,7 +20,7 @@ Pixel = dict[str, Any]
 
 
 def inspected(path: Path) -> Inspection:
-    return inspect_file(path, ReadingOptions(keep_going=True))
+    return inspect_file(path, Reading(keep_going=True))
 
 
 def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
@@ -124,7 +124,7 @@ def test_scans_are_counted_with_how_many_a_replay_uses(write_log: WriteLog, pixe
     assert found.truth_share == pytest.approx(1 / 3)
     found = inspected(write_log(*drive, {"t": 6.05, "image": pixel}, {"t": 9, "image": pixel}))
     assert (found.scans, found.scans_used, found.truth_share) == (laser, 1, 0)
-    every = inspect_file(write_log(*drive), ReadingOptions(keep_going=True, min_distance_m=0.0))
+    every = inspect_file(write_log(*drive), Reading(keep_going=True, min_distance_m=0.0))
     assert every.scans_used == 7
     found = inspected(write_log({"t": 0, "image": pixel}))
     assert (found.scans, found.scans_used) == ({}, None)

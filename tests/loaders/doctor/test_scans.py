@@ -20,13 +20,13 @@ from maurice_loaders.doctor.findings import Finding, RecordedScans
 from maurice_loaders.doctor.gathering import gather
 from maurice_loaders.doctor.map_at_truth import ScansAtTruth
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values import OCCUPIED, Library, OccupancyMap
 from maurice_viz.text.findings import describe
 
 LOGS = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "logs"
-USUAL = ReadingOptions()
+USUAL = Reading()
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +253,7 @@ def test_a_clock_that_is_off_is_found_in_a_real_log() -> None:
     log = LOGS / "carmen" / "aces-corrected.log.gz"
     if not log.exists():
         pytest.skip(f"no log at {log}")
-    late = [examine(log, ReadingOptions(picture_offset_s=offset_s), None) for offset_s in (0.3, -0.4)]
+    late = [examine(log, Reading(picture_offset_s=offset_s), None) for offset_s in (0.3, -0.4)]
     assert [codes(found) for found in late] == [["scan-delay"]] * 2
     after, before = (found.findings[0].numbers["delay_s"] for found in late)
     assert after - before == pytest.approx(0.7, abs=0.1)
@@ -265,6 +265,6 @@ def test_the_mount_of_a_real_bag_is_right_as_its_transforms_have_it() -> None:
         pytest.skip(f"no bag at {bag}")
     assert codes(examine(bag, USUAL, None)) == []
     for yaw_deg in (-90, 90):
-        found = examine(bag, ReadingOptions(scan_yaw_rad=float(np.radians(yaw_deg))), None)
+        found = examine(bag, Reading(scan_yaw_rad=float(np.radians(yaw_deg))), None)
         assert codes(found) == ["scan-yaw"]
         assert found.fixed.scan_yaw_rad == pytest.approx(0, abs=np.radians(8))

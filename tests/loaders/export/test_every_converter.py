@@ -155,7 +155,11 @@ def test_a_saved_run_keeps_events_and_readings_where_a_file_can_hold_them(
     session = small_session.with_name("with-readings.log")
     session.write_text("".join(changed))
     kept, said = tmp_path / "kept", Said([])
-    mv.replay(session, particles=50, save_run=kept, to=tmp_path / "a.rrd", detail="light")
+    mv.replay(
+        session,
+        filter=mv.Filter(particles=50),
+        output=mv.Output(detail="light", to=tmp_path / "a.rrd", save_run=kept),
+    )
     files = [tmp_path / f"a.{kind}" for kind in ("tum", "mcap", "csv")]
     mv.export(kept, files, listener=said)
     assert any(text.startswith(f"{files[0]}: left out: ") and "events" in text for text in said.texts)

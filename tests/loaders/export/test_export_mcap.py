@@ -31,7 +31,7 @@ from maurice_loaders.export.mcap import (
 from maurice_loaders.export.tables import export_steps
 from maurice_loaders.files.pictures import decode_picture
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.runs.store import open_runs
 from maurice_mcl.values.session import Camera, SessionInfo
 
@@ -111,7 +111,7 @@ def test_every_update_has_every_message_map_and_camera_and_is_shown_as_it_was(
     assert (view.width, view.height) == (40, 30)
     assert 2 * np.arctan2(20, view.k[0]) == pytest.approx(0.8)
     played, _ = exported
-    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, ReadingOptions())
+    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, Reading())
     updates = list(recorded.updates(ReadingNotes(keep_going=False)))
     for update, (moment, _) in zip(updates, played, strict=True):
         np.testing.assert_array_equal(update.motions, moment.frame.motions)

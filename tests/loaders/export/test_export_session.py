@@ -18,7 +18,7 @@ from helpers.recordings import Given, assert_same_drive
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import (
     Motion,
     Note,
@@ -117,9 +117,9 @@ def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: G
 def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Given) -> None:
     if not any(isinstance(record, OdometryPose) for record in made.held):
         return
-    session, file = RecordedSession(with_frames(made), ReadingOptions(max_dt_s=1e6)), tmp_path / "a.mcap"
+    session, file = RecordedSession(with_frames(made), Reading(max_dt_s=1e6)), tmp_path / "a.mcap"
     finished(session, file, force=True)
-    again, rounding = open_session(file, ReadingOptions(max_dt_s=1e6)), rounding_of(made)
+    again, rounding = open_session(file, Reading(max_dt_s=1e6)), rounding_of(made)
     # what lies between poses is theirs by its time
     assert_same_drive(session, again, rounding, motion=rounding, time=1e-6)
 
@@ -155,7 +155,7 @@ def test_the_robot_stands_at_the_start_and_then_at_the_truth(tmp_path: Path) -> 
     truth = np.array([2.0, 1.0, -0.5])
     held = (OdometryPose(0.0, np.array([9.0, 9.0, 1.0])), TruthPose(1.0, truth))
     finished(RecordedSession(Given(held, INFO)), tmp_path / "a.mcap")
-    believed = ReadingOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
+    believed = Reading(odometry_topic="/tf:map.base_link", truth_topic="none")
     poses = [r.pose for r in open_recording(tmp_path / "a.mcap", believed).records(ReadingNotes(False))]
     assert poses[0] == pytest.approx(INFO.start)
     assert poses[-1] == pytest.approx(truth)
@@ -165,7 +165,7 @@ def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
     held: list[Record] = []
     for k in range(6):
         held += [Motion(k, np.array([0.1, 0, 0])), Picture(k, partial(painted, k), f"{k}")]
-    session = RecordedSession(Given(held, INFO), ReadingOptions(min_distance_m=0.25))
+    session = RecordedSession(Given(held, INFO), Reading(min_distance_m=0.25))
     done = finished(session, tmp_path / "a.mcap")
     assert (done.pictures, done.motions) == (2, 6)
     assert_same_drive(session, open_session(tmp_path / "a.mcap"), truth=1e-6, time=1e-6)
@@ -173,7 +173,7 @@ def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
 
 def test_motions_give_way_to_an_odometry_that_is_asked_for(small_session: Path, tmp_path: Path) -> None:
     finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap")
-    asked = ReadingOptions(odometry_topic="/odom")
+    asked = Reading(odometry_topic="/odom")
     drive: list[Moment] = list(open_session(tmp_path / "a.mcap", asked).moments())
     for one, other in zip(open_session(small_session).moments(), drive, strict=True):
         assert other.frame.motions == pytest.approx(one.frame.motions, abs=1e-9)

@@ -17,7 +17,7 @@ from helpers.recordings import read
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.survey import open_survey
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import OdometryPose, Scan, TruthPose
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
@@ -287,7 +287,7 @@ def test_where_the_laser_of_a_corrected_log_sits_is_where_the_truth_is_of(
 def test_no_library_is_made_of_scans(tmp_path: Path) -> None:
     path = log(tmp_path, *(flaser(181, 0.3 * k) for k in range(3)))
     with pytest.raises(InputError, match="found scans of a laser and no picture"):
-        open_survey(path, ReadingOptions())
+        open_survey(path, Reading())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from helpers.recordings import read
 from maurice_loaders.errors import PictureError
 from maurice_loaders.formats.cmucam import decode_frame, frames
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture
 from maurice_mcl.values.arrays import U8
 
@@ -78,7 +78,7 @@ def test_a_cut_frame_is_one_problem_and_the_next_is_found(tmp_path: Path) -> Non
     whole = b"\1" + DIALECTS["size and a marker a line"](rgb()) + b"\3"
     file = tmp_path / "d.dump"
     file.write_bytes(whole + b":" + whole[:40] + b"ACK\r" + whole + whole[:-1])
-    session = open_session(file, ReadingOptions(keep_going=True))
+    session = open_session(file, Reading(keep_going=True))
     assert len(list(session.moments())) == 2
     assert session.problem_count == 2
     with pytest.raises(PictureError, match="without its end"):

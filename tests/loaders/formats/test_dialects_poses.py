@@ -15,7 +15,7 @@ from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, ima
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture, TruthPose
 from maurice_loaders.reading.time_alignment import clock_s
 
@@ -320,7 +320,7 @@ def test_headings_are_the_robots_yaw_or_the_cameras_optical_axis(tmp_path: Path)
 def test_a_broken_row_is_named_by_its_line(line: str, told: str, tmp_path: Path) -> None:
     file = write(tmp_path / "t.txt", "# poses", "1.0 1 2 3 0 0 0 1", "1.5 1 2 3 0 0 0 1", line)
     with pytest.raises(InputError, match=rf"t\.txt:4: .*{told}"):
-        read(file, ReadingOptions(format="tum-trajectory"))
+        read(file, Reading(format="tum-trajectory"))
 
 
 def test_kitti_lies_on_its_side_and_poses_end_early_is_said(tmp_path: Path) -> None:
@@ -334,7 +334,7 @@ def test_kitti_lies_on_its_side_and_poses_end_early_is_said(tmp_path: Path) -> N
     found, warnings = read(tmp_path / "sequences" / "03")
     assert Counter(type(r).__name__ for r in found) == {"Picture": 3, "TruthPose": 2}
     assert "2 poses for 3 times" in warnings[0]
-    assert len(truths(tmp_path / "sequences" / "03", ReadingOptions(truth_offset_s=0.05))) == 2
+    assert len(truths(tmp_path / "sequences" / "03", Reading(truth_offset_s=0.05))) == 2
     write(tmp_path / "04" / "times.txt", "0", "0.1")
     for number in range(3):
         image(tmp_path / "04" / "image_2" / f"{number:06}.png")
@@ -369,10 +369,10 @@ def test_another_camera_by_name(tmp_path: Path) -> None:
     found, warnings = read(tmp_path)
     assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [10]
     assert "cam1 is not" in warnings[0]
-    found, _ = read(tmp_path, ReadingOptions(camera="cam1"))
+    found, _ = read(tmp_path, Reading(camera="cam1"))
     assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [200]
     with pytest.raises(InputError, match="found cameras cam0, cam1, expected 'cam9'"):
-        read(tmp_path, ReadingOptions(camera="cam9"))
+        read(tmp_path, Reading(camera="cam9"))
 
 
 @real
@@ -394,6 +394,6 @@ def test_asl_counts_and_clocks_that_disagree() -> None:
     assert "clocks disagree" in warnings[0]
     offset = float(warnings[0].rsplit("truth_offset_s=", 1)[1])
     assert offset == pytest.approx(1403636601.1135554 - 81.605, abs=1e-3)
-    found, _ = read(path, ReadingOptions(truth_offset_s=offset))
+    found, _ = read(path, Reading(truth_offset_s=offset))
     assert sum(isinstance(r, TruthPose) for r in found) == 490
     assert open_session(path).overview() == (11, False)

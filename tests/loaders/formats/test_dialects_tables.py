@@ -17,7 +17,7 @@ from helpers.format_samples import write_tub
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Motion, OdometryPose, Picture, Scan, TruthPose
 from maurice_loaders.runs.manifest import is_saved, source_hash
 
@@ -129,7 +129,7 @@ ODD_ROLES = {"time": "zeit:s", "image": "bild", "x": "ost", "y": "nord", "headin
 def test_odd_names_make_a_table_of_a_file_and_of_a_folder(tmp_path: Path) -> None:
     folder = table(tmp_path, ODD)
     for path in (folder, folder / "drive.csv"):
-        assert counts(path, ReadingOptions(columns=ODD_ROLES)) == {"TruthPose": 2, "Picture": 2}
+        assert counts(path, Reading(columns=ODD_ROLES)) == {"TruthPose": 2, "Picture": 2}
     for one in tmp_path.glob("*.png"):
         one.unlink()
     for path in (folder, folder / "drive.csv"):
@@ -158,19 +158,19 @@ def test_rows_that_are_none_are_problems(bad: str, tmp_path: Path) -> None:
     assert len(list(open_recording(folder).records(notes))) == 6
     assert notes.count == 1
     folder = table(tmp_path, f"{NAMES}\n{rows()}2,{'9' * 300},0,0,90\n")  # a name that no file can have
-    session = open_session(folder, ReadingOptions(keep_going=True))
+    session = open_session(folder, Reading(keep_going=True))
     assert (len(list(session.moments())), session.problem_count) == (3, 1)
 
 
 def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
     folder = table(tmp_path, rows())
     columns = {"time": "1:s", "image": "2", "x": "3:m", "y": "4:m", "heading": "5:deg"}
-    assert counts(folder, ReadingOptions(columns=columns)) == COUNTS
+    assert counts(folder, Reading(columns=columns)) == COUNTS
     found, said = read(folder)  # the pictures alone, and a word of it
     assert len(found) == 3
     assert any("drive.csv beside them is not used" in text for text in said)
     with pytest.raises(InputError, match=r"5 columns.*called 1, 2, 3 .*--reading columns="):
-        read(folder / "drive.csv", ReadingOptions(format="table"))
+        read(folder / "drive.csv", Reading(format="table"))
 
 
 def test_odometry_by_quaternions(tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_a_table_in_another_encoding_is_named(encoding: str, tmp_path: Path) -> 
     folder = table(tmp_path, f"{NAMES}\n{rows()}".replace("0.png", "ä.png").encode(encoding))
     assert any("is not used" in text for text in read(folder)[1])
     with pytest.raises(InputError, match=r"not UTF-8|binary data"):
-        read(folder / "drive.csv", ReadingOptions(format="table"))
+        read(folder / "drive.csv", Reading(format="table"))
 
 
 # videos
@@ -277,7 +277,7 @@ def test_columns_by_name_by_option_and_in_other_units(tmp_path: Path) -> None:
         tmp_path / "d.csv", "stamp;jpg;px;py;yaw;forward_cm;turn_deg", "5;a.png;1000;-2000;90;30;180"
     )
     columns = {"time": "stamp:ms", "image": "jpg", "x": "px:mm", "y": "py:mm", "heading": "yaw:deg"}
-    found, _ = read(file, ReadingOptions(columns=columns))
+    found, _ = read(file, Reading(columns=columns))
     motion, pose, taken = found
     assert isinstance(motion, Motion)
     assert isinstance(pose, TruthPose)
@@ -301,25 +301,25 @@ def test_columns_that_cannot_be(columns: dict[str, str], told: str, tmp_path: Pa
     file = write(tmp_path / "d.csv", "a,b,c", "1,2,3")
     whole = {"x": "a", "y": "b", "heading": "c:deg"} | columns
     with pytest.raises(InputError, match=told):
-        read(file, ReadingOptions(format="table", columns=whole))
+        read(file, Reading(format="table", columns=whole))
 
 
 def test_a_table_beside_pictures_goes_row_for_row(tmp_path: Path) -> None:
     for k in (2, 10, 1):
         image(tmp_path / "views" / f"v{k}.png", k)
     table = write(tmp_path / "p.csv", "x_m,y_m,heading_rad", "0,0,0", "1,0,0", "2,0,0")
-    found, warnings = read(tmp_path / "views", ReadingOptions(table=table))
+    found, warnings = read(tmp_path / "views", Reading(table=table))
     assert [r.name for r in found if isinstance(r, Picture)] == ["v1.png", "v2.png", "v10.png"]
     assert "one row per second" in warnings[0]
     write(tmp_path / "p.csv", "x_m,y_m,heading_rad", *["0,0,0"] * 4)
     with pytest.raises(InputError, match=r"p\.csv:5: found no picture 3, there are 3"):
-        read(tmp_path / "views", ReadingOptions(table=table))
+        read(tmp_path / "views", Reading(table=table))
 
 
 def test_a_table_beside_a_video(tmp_path: Path) -> None:
     video = moving(tmp_path / "v.avi", values=(0, 80, 160))
     table = write(tmp_path / "p.csv", "time,frame,x_m,y_m,heading_rad", "7,2,0,0,0", "8,0,1,0,0")
-    found = [r for r in read(video, ReadingOptions(table=table))[0] if isinstance(r, Picture)]
+    found = [r for r in read(video, Reading(table=table))[0] if isinstance(r, Picture)]
     assert [r.t_s for r in found] == [7, 8]
     assert [round(float(r.read().mean()), -1) for r in found] == [160, 0]
 
@@ -329,7 +329,7 @@ def test_an_unknown_format_lists_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"begins with b'Dear reader.*session-log, .*--reading format="):
         guess(file)
     with pytest.raises(InputError, match="there is no format 'bag'"):
-        open_recording(file, ReadingOptions(format="bag"))
+        open_recording(file, Reading(format="bag"))
 
 
 @real
@@ -364,4 +364,4 @@ def test_a_tub_leaves_deleted_records_out_and_counts_broken_ones(tmp_path: Path)
     (tub / "catalog_0.catalog").write_text("")
     assert source_hash(tub) != hashed
     with pytest.raises(InputError, match=r"found cameras cam/image_array, expected 'left'"):
-        open_recording(tub, ReadingOptions(camera="left"))
+        open_recording(tub, Reading(camera="left"))

@@ -19,7 +19,7 @@ from helpers.format_samples import SAMPLES, SMALL, sample
 from helpers.recordings import read
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import (
     Motion,
     Note,
@@ -45,7 +45,7 @@ def content(record: Record) -> object:
     return type(record), record.t_s, values.tolist()
 
 
-def use(path: Path, options: ReadingOptions | None = None) -> int:
+def use(path: Path, options: Reading | None = None) -> int:
     """Do all that a replay does with a session, and count its updates."""
     session = open_session(path, options)
     session.overview()
@@ -60,7 +60,7 @@ def test_every_format_has_a_sample() -> None:
 def test_is_recognized_by_content_and_by_name_when_told(name: str, tmp_path: Path) -> None:
     path = sample(name, tmp_path / "made")
     assert guess(path).name == name
-    assert open_recording(path, ReadingOptions(format=name)).path == path
+    assert open_recording(path, Reading(format=name)).path == path
     if path.is_file() and name not in ("rosbag2", "mcap"):  # a wrong ending does not matter
         other = path.with_name("drive.xyz")
         shutil.copy(path, other)
@@ -120,11 +120,11 @@ def test_pictures_outside_of_the_folder_are_read_only_when_allowed(
     (folder / table).write_text(text.replace(named, place.format(outside=outside)))
     if name == "session-log" and place == "{outside}":  # which no log may name
         with pytest.raises(InputError, match="expected a path relative to the log"):
-            use(path, ReadingOptions(pictures_outside=True))
+            use(path, Reading(pictures_outside=True))
         return
     with pytest.raises(InputError, match=r"outside of the folder .*--reading pictures_outside=true"):
         use(path)
-    assert use(path, ReadingOptions(pictures_outside=True)) == SMALL
+    assert use(path, Reading(pictures_outside=True)) == SMALL
 
 
 @every
@@ -210,7 +210,7 @@ def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
             file.write_bytes(damaged(data, chance, trial))
             for keep_going in (False, True):
                 with suppress(InputError):  # which is one line; anything else fails
-                    use(path, ReadingOptions(keep_going=keep_going, format=name if trial % 2 else None))
+                    use(path, Reading(keep_going=keep_going, format=name if trial % 2 else None))
         file.write_bytes(data)
 
 
@@ -224,9 +224,9 @@ def test_what_is_empty_or_of_another_kind_is_refused(name: str, tmp_path: Path) 
         path.write_bytes(b"")
     (tmp_path / "folder").mkdir()
     (tmp_path / "noise").write_bytes(random.Random(1).randbytes(3000))
-    told = ReadingOptions(format=name)
+    told = Reading(format=name)
     others = [(tmp_path / other, told) for other in ("folder", "noise", "nowhere")]
-    for refused, options in [(path, ReadingOptions()), (path, told), *others]:
+    for refused, options in [(path, Reading()), (path, told), *others]:
         with pytest.raises(InputError):
             use(refused, options)
 

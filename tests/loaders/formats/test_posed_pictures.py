@@ -13,7 +13,7 @@ from helpers.dialect_files import image, write
 from helpers.recordings import read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Picture, TruthPose
 from maurice_mcl.values import F64
 
@@ -158,4 +158,4 @@ def test_colmaps_binary_model_says_how_it_becomes_text(tmp_path: Path) -> None:
 
 def test_a_plane_that_was_asked_for_is_taken(tmp_path: Path) -> None:
     folder = seven_scenes(tmp_path, [camera(pose, np.eye(4)) for pose in WALK])
-    np.testing.assert_allclose(truths(folder, ReadingOptions(plane="xy"))[:, :2], WALK[:, :2], atol=1e-6)
+    np.testing.assert_allclose(truths(folder, Reading(plane="xy"))[:, :2], WALK[:, :2], atol=1e-6)

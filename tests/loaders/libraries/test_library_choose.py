@@ -18,7 +18,7 @@ from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library, library_key, open_library
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64, U8
@@ -114,7 +114,7 @@ def write_drive(folder: Path, *, truth: bool = True) -> Path:
 
 def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
     log = write_drive(tmp_path)
-    survey = surveys.open_survey(log, ReadingOptions(), EVERY)
+    survey = surveys.open_survey(log, Reading(), EVERY)
     assert isinstance(survey, surveys.SelectedSurvey)
     chosen = survey.chosen
     assert (chosen.pictures, chosen.without_pose, chosen.blurred) == (40, 0, 5)
@@ -136,12 +136,12 @@ def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
 
 def test_a_drive_without_poses_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="found 40 pictures and no pose of any"):
-        surveys.open_survey(write_drive(tmp_path, truth=False), ReadingOptions())
+        surveys.open_survey(write_drive(tmp_path, truth=False), Reading())
 
 
 def test_a_survey_is_taken_whole_unless_asked_and_a_camera_aside_turns_its_headings(survey: Path) -> None:
-    assert isinstance(surveys.open_survey(survey, ReadingOptions()), SurveyLog)
-    thinned = surveys.open_survey(survey, ReadingOptions(), surveys.Spacing(0.9, 1.0))
+    assert isinstance(surveys.open_survey(survey, Reading()), SurveyLog)
+    thinned = surveys.open_survey(survey, Reading(), surveys.Spacing(0.9, 1.0))
     assert isinstance(thinned, surveys.SelectedSurvey)
     assert 2 <= thinned.chosen.taken <= 3
     assert sum(picture.covered for picture in thinned.survey_pictures()) == 2
@@ -159,7 +159,7 @@ def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
     inline.write_text(_inlined(text, tmp_path))
     keep = tmp_path / "keep"
     keep.mkdir()
-    survey = surveys.open_survey(inline, ReadingOptions(), EVERY, keep)
+    survey = surveys.open_survey(inline, Reading(), EVERY, keep)
     library = build_library(inline, ["color"], log=survey)
     save_library(library, tmp_path / "library")
     again = load_library(tmp_path / "library")
@@ -211,10 +211,10 @@ def test_a_table_of_surveyed_pictures_is_taken_whole_and_a_folder_with_a_survey_
     survey: Path, tmp_path: Path
 ) -> None:
     table = _table(tmp_path / "table")
-    whole = surveys.open_survey(table, ReadingOptions())
+    whole = surveys.open_survey(table, Reading())
     assert isinstance(whole, surveys.SelectedSurvey)
     assert whole.chosen.taken == 24
-    thinned = surveys.open_survey(table, ReadingOptions(), EVERY)
+    thinned = surveys.open_survey(table, Reading(), EVERY)
     assert isinstance(thinned, surveys.SelectedSurvey)
     assert thinned.chosen.taken < 24
-    assert isinstance(surveys.open_survey(survey.parent, ReadingOptions()), SurveyLog)
+    assert isinstance(surveys.open_survey(survey.parent, Reading()), SurveyLog)

@@ -22,7 +22,7 @@ from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
 from maurice_loaders.reading.observations import Gate
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.session_log.records import scan_from_json
 
 pytest.importorskip("websockets")
@@ -89,7 +89,7 @@ def test_scans_of_a_rosbridge_are_placed_upside_down() -> None:
             connection.send(scan(100.25 + number))
 
     with rosbridge(once(serve)) as address:
-        source = live_source(address, ReadingOptions(max_dt_s=0.3))
+        source = live_source(address, Reading(max_dt_s=0.3))
         with LiveSession(source, EVERY) as session:
             moments = list(session.moments())
     assert "scans from /scan" in session.info.notes[0]

@@ -16,7 +16,7 @@ from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.reading.observations import Gate
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.values.session import Moment
 
 SOON = Patience(0.5)
@@ -74,7 +74,7 @@ def test_what_a_live_run_skipped_its_capture_skips(tmp_path: Path) -> None:
 def test_what_a_live_run_with_a_gate_skipped_its_capture_skips(tmp_path: Path) -> None:
     said = log(t / 4 for t in range(120))  # 0.1 m each
     came = slowly(said, tmp_path, Gate(0.25))
-    options = ReadingOptions(min_distance_m=0.25, min_angle_rad=0.0)
+    options = Reading(min_distance_m=0.25, min_angle_rad=0.0)
     assert_same_drive(open_session(tmp_path / "session.log", options), came)
 
 

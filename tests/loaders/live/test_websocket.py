@@ -30,7 +30,7 @@ from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSessio
 from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.values.session import Moment
 
 pytest.importorskip("websockets")
@@ -104,7 +104,7 @@ def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
 
 def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
     with robot("json") as (address, _):
-        source = live_source(address, ReadingOptions(image_topic="/nowhere"))
+        source = live_source(address, Reading(image_topic="/nowhere"))
         with LiveSession(source, ListenOptions(patience=SOON)) as session, pytest.raises(InputError) as told:
             list(session.moments())
     assert "found no topic /nowhere; it holds /camera/image" in str(told.value)
@@ -112,7 +112,7 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
 
 def test_the_truth_may_be_transforms_of_the_same_topic() -> None:
     with robot("cdr-tf", count=6) as (address, _):
-        asked = ReadingOptions(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
+        asked = Reading(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
         with LiveSession(live_source(address, asked), ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(islice(session.moments(), 6))
     truths = [moment.truth for moment in moments if moment.truth is not None]
@@ -162,7 +162,7 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
         connection.send("nonsense")
 
     with rosbridge(after_subscribing(send)) as address:
-        source = live_source(address, ReadingOptions(max_dt_s=0.3))
+        source = live_source(address, Reading(max_dt_s=0.3))
         with LiveSession(source, ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(session.moments())
         assert [round(m.frame.time_s, 6) for m in moments] == [0, 1, 2, 3, 4, 5]

@@ -16,7 +16,7 @@ from helpers.format_samples import sample
 from helpers.recordings import Given
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions, reading_from_json, reading_to_json
+from maurice_loaders.reading.options import Reading, reading_from_json, reading_to_json
 from maurice_loaders.reading.recording import (
     Motion,
     Note,
@@ -54,7 +54,7 @@ def poses_of(steps: F64, begin: Sequence[float] = (0, 0, 0)) -> F64:
 
 def read(written: F64, kind: Callable[[float, F64], Record], **how: float | str) -> F64:
     records = [kind(0.1 * number, row) for number, row in enumerate(written)]
-    found = all_of(Corrected(Given(records), ReadingOptions(**how)))  # type: ignore[arg-type]
+    found = all_of(Corrected(Given(records), Reading(**how)))  # type: ignore[arg-type]
     return np.array([one.motion if isinstance(one, Motion) else one.pose for one in found])  # type: ignore[union-attr]
 
 
@@ -132,7 +132,7 @@ def test_truth_of_a_mast_is_moved_back_to_the_wheels(yaw: float) -> None:
     found = read(of_mast, TruthPose, truth_ahead_m=0.3, truth_left_m=-0.2, camera_yaw_rad=yaw)
     np.testing.assert_allclose(found[:, :2], right[:, :2], atol=1e-9)
     np.testing.assert_allclose(np.cos(found[:, 2] - right[:, 2] - yaw), 1)
-    start = Corrected(Given([], INFO), ReadingOptions(truth_ahead_m=0.3)).info.start
+    start = Corrected(Given([], INFO), Reading(truth_ahead_m=0.3)).info.start
     assert INFO.start is not None
     assert start is not None
     np.testing.assert_allclose(compose(start, np.array([0.3, 0, 0])), INFO.start, atol=1e-9)
@@ -148,7 +148,7 @@ def test_a_cameras_headings_move_as_the_camera_does() -> None:
         np.testing.assert_allclose(there[:2], camera[k + 1][:2], atol=1e-9)
         assert math.cos(there[2] - camera[k + 1][2]) == pytest.approx(1)
     np.testing.assert_allclose(read(poses_of(right), OdometryPose, camera_yaw_rad=yaw)[:, :2], camera[:, :2])
-    info = Corrected(Given([], INFO), ReadingOptions(camera_yaw_rad=yaw)).info
+    info = Corrected(Given([], INFO), Reading(camera_yaw_rad=yaw)).info
     assert info.start is not None
     assert info.start.tolist() == pytest.approx([1, 2, 0.5 + yaw])
     assert info.cameras[0].yaw_rad == 0
@@ -168,7 +168,7 @@ def test_times_are_moved_and_stay_in_order_with_poses_before_pictures() -> None:
     for t in t_s:
         records += [Motion(t, np.zeros(3)), TruthPose(t, np.zeros(3)), picture(t + 1000.0)]
     records.insert(3, Note(t_s[0], "hello"))
-    moved_back = Corrected(Given(records), ReadingOptions(picture_offset_s=-1000.0))
+    moved_back = Corrected(Given(records), Reading(picture_offset_s=-1000.0))
     for _ in range(2):  # as often as one likes
         found = all_of(moved_back)
         assert len(found) == 37
@@ -188,9 +188,7 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
                 yield Motion(float(number), np.zeros(3)) if number % 2 else picture(float(number))
 
     endless = Endless()
-    found = Corrected(endless, ReadingOptions(odometry_offset_s=500.0)).records(
-        ReadingNotes(keep_going=False)
-    )
+    found = Corrected(endless, Reading(odometry_offset_s=500.0)).records(ReadingNotes(keep_going=False))
     both = [float(t) for t in range(500, 650)]
     assert [one.t_s for one in islice(found, 400)] == [2.0 * k for k in range(250)] + both
     assert endless.reached < 700
@@ -198,13 +196,13 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
 
 def test_nothing_to_do_leaves_the_recording_itself_and_a_manifest_holds_every_correction() -> None:
     given = Given([])
-    assert corrected(given, ReadingOptions()) is given
+    assert corrected(given, Reading()) is given
     with pytest.raises(InputError, match="expected one of poses, steps"):
-        corrected(given, ReadingOptions(odometry_are="motions"))
-    steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), ReadingOptions(odometry_are="steps"))
+        corrected(given, Reading(odometry_are="motions"))
+    steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), Reading(odometry_are="steps"))
     with pytest.raises(InputError, match="odometry_are=steps is for motions; leave it out"):
         all_of(steps)
-    options = ReadingOptions(odometry_are="steps", turn_scale=-1.0, camera_yaw_rad=0.5, picture_offset_s=-3.0)
+    options = Reading(odometry_are="steps", turn_scale=-1.0, camera_yaw_rad=0.5, picture_offset_s=-3.0)
     assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
 
 
@@ -213,7 +211,7 @@ def test_a_session_log_in_other_units_of_time(unit: str, write_log: WriteLog, pi
     per_s = {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     begin = 1_700_000_000
     lines = [{"t": (begin + k) * per_s, "image": pixel} for k in range(3)]
-    session = open_session(write_log(*lines), ReadingOptions(time_unit=unit))
+    session = open_session(write_log(*lines), Reading(time_unit=unit))
     assert [moment.frame.time_s for moment in session.moments()] == [0, 1, 2]
     with pytest.raises(InputError, match="4e9 in size"):
         list(open_session(write_log(*lines)).moments())
@@ -225,7 +223,7 @@ def test_every_format_is_moved_in_time_once(name: str, tmp_path: Path) -> None:
         pytest.importorskip("rosbags")
     path = sample(name, tmp_path / "made")
 
-    def times(kind: tuple[type[Record], ...], options: ReadingOptions) -> list[float]:
+    def times(kind: tuple[type[Record], ...], options: Reading) -> list[float]:
         found = open_recording(path, options).records(ReadingNotes(keep_going=True))
         return sorted(one.t_s for one in found if isinstance(one, kind))
 
@@ -234,14 +232,14 @@ def test_every_format_is_moved_in_time_once(name: str, tmp_path: Path) -> None:
         ((TruthPose,), "truth_offset_s"),
         ((Picture,), "picture_offset_s"),
     ):
-        before = times(kind, ReadingOptions())
-        after = times(kind, replace(ReadingOptions(), **{option: 0.05}))  # type: ignore[arg-type]
+        before = times(kind, Reading())
+        after = times(kind, replace(Reading(), **{option: 0.05}))  # type: ignore[arg-type]
         assert after == pytest.approx([t + 0.05 for t in before], abs=1e-5)
 
 
 def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dict[str, str]) -> None:
     log = write_log({"t": 0, "odometry": [100, 0, -90]}, {"t": 1, "image": pixel})
-    options = ReadingOptions(odometry_scale=0.01, turn_scale=-math.pi / 180)
+    options = Reading(odometry_scale=0.01, turn_scale=-math.pi / 180)
     session = open_session(log, options)
     assert isinstance(session, RecordedSession)
     (moment,) = session.moments()

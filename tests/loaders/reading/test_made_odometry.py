@@ -16,7 +16,7 @@ from helpers.format_samples import sample
 from helpers.recordings import Given, odometry
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Motion, Note, OdometryPose, TruthPose
 from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_loaders.reading.transforms import (
@@ -29,7 +29,7 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, motion_between
 from maurice_viz.cli.app import app
 
-MADE = ReadingOptions(odometry_from_truth=True)
+MADE = Reading(odometry_from_truth=True)
 QUIET = OdometryNoise(0, 0, 0)
 
 
@@ -128,7 +128,7 @@ def test_what_can_be_done_is_said_and_gating_counts_made_odometry(tmp_path: Path
     assert any("table=" in text for text in without.warnings)
     assert not any("odometry_from_truth" in text for text in without.warnings)
     made = open_recording(sample("kitti", tmp_path / "made"), MADE)
-    assert RecordedSession(made, ReadingOptions(min_distance_m=0.08)).overview()[0] == 2
+    assert RecordedSession(made, Reading(min_distance_m=0.08)).overview()[0] == 2
 
 
 def test_a_drive_begins_at_its_first_true_pose() -> None:

@@ -13,7 +13,7 @@ from helpers.recordings import Given
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.reading.observations import Observed
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import (
     PLACEHOLDER,
     Motion,
@@ -54,7 +54,7 @@ def forward(t_s: float, length_m: float, turn: float = 0.0) -> Motion:
 
 
 def play(*records: Record, **options: object) -> tuple[list[Moment], RecordedSession]:
-    session = RecordedSession(Given(records), ReadingOptions(**options))  # type: ignore[arg-type]
+    session = RecordedSession(Given(records), Reading(**options))  # type: ignore[arg-type]
     moments = list(session.moments())
     assert session.overview()[0] == len(moments)
     glances = list(session.glances(ReadingNotes(session.options.keep_going)))
@@ -182,7 +182,7 @@ def test_true_movements_of_a_drive_of_scans_are_between_its_used_scans() -> None
 
 
 def test_corrections_move_scans_with_pictures_and_turn_them_with_the_robot() -> None:
-    right = corrected(Given([scan(1.0)]), ReadingOptions(picture_offset_s=0.5, camera_yaw_rad=np.pi / 2))
+    right = corrected(Given([scan(1.0)]), Reading(picture_offset_s=0.5, camera_yaw_rad=np.pi / 2))
     (moved,) = right.records(ReadingNotes(False))
     assert isinstance(moved, Scan)
     assert moved.t_s == 1.5

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from helpers.recordings import Given
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.picture_odometry import FROM_PICTURES, odometry_from_pictures
 from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_mcl.filter.motion import PictureMotion, PictureMotionParameters, motion_model
@@ -24,7 +24,7 @@ from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.session import Camera
 from maurice_viz.cli.app import app
 
-MADE = ReadingOptions(odometry_from_pictures=True, picture_step_m=0.2, camera_fov_rad=0.9)
+MADE = Reading(odometry_from_pictures=True, picture_step_m=0.2, camera_fov_rad=0.9)
 GIVEN_BY = "--reading picture_step_m=0.2 --reading camera_fov_deg=50"
 STILL = np.zeros(3)
 FOCAL_PX = 80 / np.tan(0.45)
@@ -53,7 +53,7 @@ def turning(shifts_px: list[int], *others: Record) -> Given:
     return Given([*(Picture(k, partial(view, x), "") for k, x in enumerate(shifts_px)), *others])
 
 
-def motions(given: Given, options: ReadingOptions = MADE) -> list[np.ndarray]:
+def motions(given: Given, options: Reading = MADE) -> list[np.ndarray]:
     found = odometry_from_pictures(given, replace(options, camera_fov_rad=0.9))
     return list(found.odometry.motions)
 
@@ -120,7 +120,7 @@ def test_what_is_unknown_is_told() -> None:
     with pytest.raises(InputError, match=r"no field of view.*camera_fov_deg"):
         odometry_from_pictures(given, replace(MADE, camera_fov_rad=0.0))
     with pytest.raises(InputError, match=r"no height of the camera.*picture_step_m"):
-        motions(turning([60, -1]), ReadingOptions())
+        motions(turning([60, -1]), Reading())
     with pytest.raises(InputError, match="found no pictures"):
         motions(Given([Note(0, "on"), TruthPose(1, STILL)]))
     for measured in (OdometryPose(2, STILL), Motion(2, STILL)):

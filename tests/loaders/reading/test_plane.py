@@ -15,7 +15,7 @@ from maurice_loaders.bags.recording import BagRecording
 from maurice_loaders.doctor.inspection import inspect_recording
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.plane import plane_of
 from maurice_loaders.reading.recording import OdometryPose, TruthPose
 from maurice_loaders.reading.session import RecordedSession
@@ -152,10 +152,10 @@ def test_the_plane_of_the_motion_is_found_and_said(
     assert text in doctor(path).remarks
     if writer == "bag":
         np.testing.assert_allclose(odometry(path), wanted, atol=1e-9)
-    asked = ReadingOptions(plane=name)
+    asked = Reading(plane=name)
     np.testing.assert_array_equal(truths(path, asked), got)
     assert not any("the motion lies" in one for one in read(path, asked)[1])
-    assert way(truths(path, ReadingOptions(plane="xy"))) < 0.95 * way(wanted)
+    assert way(truths(path, Reading(plane="xy"))) < 0.95 * way(wanted)
 
 
 @pytest.mark.parametrize(("plane", "quarters"), [("zx", 1), ("auto", None)])
@@ -165,7 +165,7 @@ def test_a_frame_with_y_up_whose_bodies_have_y_up_is_not_mirrored_if_said(
     robots = in_space("y up", drive())
     with_y_up = [(at, np.column_stack([turned[:, 1], turned[:, 2], turned[:, 0]])) for at, turned in robots]
     path = tum(tmp_path, with_y_up)
-    got, wanted = truths(path, ReadingOptions(plane=plane)), drive()
+    got, wanted = truths(path, Reading(plane=plane)), drive()
     turning = np.sign(np.median(np.diff(np.unwrap(got[:, 2]))))
     if quarters is None:  # the poses of a camera in its own frame are the same: y is taken to point down
         [text] = [one for one in read(path)[1] if "the motion lies" in one]
@@ -184,7 +184,7 @@ def test_a_named_side_agrees_with_what_the_bodies_show(
     world: str, name: str, body: str, tmp_path: Path
 ) -> None:
     path = tum(tmp_path, in_space(world, drive(), body))
-    found, named = truths(path), truths(path, ReadingOptions(plane=name))
+    found, named = truths(path), truths(path, Reading(plane=name))
     apart = np.hypot(*(found[:, None, :2] - found[None, :, :2]).T)
     np.testing.assert_allclose(apart, np.hypot(*(named[:, None, :2] - named[None, :, :2]).T), atol=1e-6)
     np.testing.assert_allclose(np.diff(np.unwrap(found[:, 2])), np.diff(np.unwrap(named[:, 2])), atol=1e-9)
@@ -204,7 +204,7 @@ def test_a_motion_in_x_y_is_read_as_ever(body: str, bumps: float, tmp_path: Path
     path = tum(tmp_path, in_space("robot", drive(), body, bumps))
     found, warnings = read(path)
     assert not any("the motion lies" in text for text in warnings)
-    np.testing.assert_array_equal(truths(path), truths(path, ReadingOptions(plane="xy")))
+    np.testing.assert_array_equal(truths(path), truths(path, Reading(plane="xy")))
     assert len(found) == STEPS
 
 
@@ -213,7 +213,7 @@ def test_every_format_is_read_as_ever(kind: str, tmp_path: Path) -> None:
     path = sample(kind, tmp_path, 60)
     found, warnings = read(path)
     assert not any("the motion lies" in text for text in warnings)
-    flat, _ = read(path, ReadingOptions(plane="xy"))
+    flat, _ = read(path, Reading(plane="xy"))
     assert [type(one) for one in found] == [type(one) for one in flat]
     for one, other in zip(found, flat, strict=True):
         assert one.t_s == other.t_s
@@ -242,13 +242,13 @@ def test_a_doubtful_plane_changes_nothing() -> None:
 
 def test_formats_in_the_plane_refuse_another(tmp_path: Path, small_session: Path) -> None:
     with pytest.raises(InputError, match=r"plane=xz.* session-log"):
-        open_recording(small_session, ReadingOptions(plane="xz"))
-    assert open_recording(small_session, ReadingOptions(plane="auto"))
+        open_recording(small_session, Reading(plane="xz"))
+    assert open_recording(small_session, Reading(plane="auto"))
 
 
 def test_a_flat_bag_is_not_read_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bag(tmp_path, in_space("robot", drive(), bumps=0.0))
-    recording = open_recording(path, ReadingOptions(plane="xy"))
+    recording = open_recording(path, Reading(plane="xy"))
     assert isinstance(recording, BagRecording)
     assert recording.chosen.truth is not None
     monkeypatch.setattr(recording, "open_bag", None)

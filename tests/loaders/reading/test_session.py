@@ -17,7 +17,7 @@ from helpers.recordings import Given
 from maurice_loaders.doctor.inspection import inspect_file
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import Placeholders
@@ -52,7 +52,7 @@ def forward(length_m: float, t_s: float, turn: float = 0.0) -> Motion:
     return Motion(t_s, np.array([length_m, 0.0, turn]))
 
 
-def play(*records: Record, options: ReadingOptions | None = None) -> tuple[list[Moment], RecordedSession]:
+def play(*records: Record, options: Reading | None = None) -> tuple[list[Moment], RecordedSession]:
     session = RecordedSession(Given(records), options)
     moments = list(session.moments())
     assert session.overview()[0] >= len(moments)
@@ -77,7 +77,7 @@ def test_a_field_of_view_that_is_stated_is_that_of_the_camera_that_is_read() -> 
         given = replace(Given([]), info=info)
         return {
             one.name: one.horizontal_fov_rad
-            for one in RecordedSession(given, ReadingOptions(**options)).info.cameras
+            for one in RecordedSession(given, Reading(**options)).info.cameras
         }
 
     none, two = (
@@ -139,7 +139,7 @@ def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:
     records += [odometry(2, 5), picture(2)]
     with pytest.raises(InputError, match="at 1: found a cut picture"):
         list(RecordedSession(Given(records)).moments())
-    found, session = play(*records, options=ReadingOptions(keep_going=True))
+    found, session = play(*records, options=Reading(keep_going=True))
     np.testing.assert_allclose(found[1].frame.motions, [[1, 0, 0], [5, 0, 0]])
     assert session.problem_count == 1
     assert [m.frame.step for m in found] == [1, 2]
@@ -179,20 +179,20 @@ def test_a_kidnapping_is_the_same_for_every_reader(tmp_path: Path, text: str, ca
     for moments in (played, list(open_session(path).moments())):
         assert [moment.truth is None for moment in moments] == [carried, carried]
         assert [moment.kidnapped for moment in moments] == [False, carried]
-    assert inspect_file(path, ReadingOptions()).distance_truth_m == pytest.approx(0 if carried else 9)
+    assert inspect_file(path, Reading()).distance_truth_m == pytest.approx(0 if carried else 9)
 
 
 def test_times_that_fall_and_numbers_that_are_none_are_problems() -> None:
     for bad in (picture(-1), truth(5, float("nan")), forward(1e12, 5), picture(float("inf"))):
         with pytest.raises(InputError, match="at t"):
             list(RecordedSession(Given([picture(0), bad])).moments())
-        found, session = play(picture(0), bad, picture(6), options=ReadingOptions(keep_going=True))
+        found, session = play(picture(0), bad, picture(6), options=Reading(keep_going=True))
         assert len(found) == 2
         assert session.problem_count >= 1
 
 
 def play_gated(distance_m: float, angle_rad: float, *records: Record) -> list[str]:
-    found, _ = play(*records, options=ReadingOptions(min_distance_m=distance_m, min_angle_rad=angle_rad))
+    found, _ = play(*records, options=Reading(min_distance_m=distance_m, min_angle_rad=angle_rad))
     return [m.frame.picture for m in found]
 
 
@@ -215,13 +215,13 @@ def test_gating_counts_the_way_as_the_crow_flies_and_turns_beyond_half_a_turn() 
 
 def test_a_native_log_with_gating_is_gated_and_a_used_picture_has_all_motions(tmp_path: Path) -> None:
     drive = (picture(0), forward(0.3, 1), picture(1), forward(0.3, 2), picture(2))
-    found, _ = play(*drive, options=ReadingOptions(min_distance_m=0.5))
+    found, _ = play(*drive, options=Reading(min_distance_m=0.5))
     assert found[1].frame.motions[:, 0].tolist() == [0.3, 0.3]
     with SessionWriter(tmp_path / "drive.log", SessionInfo("drive")) as log:
         for t_s in range(5):
             log.odometry(t_s, (0.3, 0, 0))
             log.image(t_s, GRAY)
-    gated = open_session(tmp_path / "drive.log", ReadingOptions(min_distance_m=0.5))
+    gated = open_session(tmp_path / "drive.log", Reading(min_distance_m=0.5))
     assert gated.overview()[0] == 3
 
 

@@ -20,8 +20,8 @@ from maurice_viz.app.compare import names_of
 from maurice_viz.app.snapshot import draw_saved
 from maurice_viz.entities import RESULT, TEXT, cloud_of
 from maurice_viz.playback import run_together
+from maurice_viz.running.filters import Filter
 from maurice_viz.running.open import make_runs, open_library_for
-from maurice_viz.running.run_spec import RunSpec
 
 FEW = ("--particles", "150", "-o", "none", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}
@@ -111,8 +111,8 @@ def test_what_is_ambiguous_is_a_usage_error(small_session, options, said):
 def test_runs_that_are_compared_have_the_same_noise(small_session):
     session = open_session(small_session)
     library = open_library_for(session, None, keep_going=False)
-    wanted = [RunSpec(feature="color"), RunSpec(feature="blended"), RunSpec(feature="color", seed=1)]
-    wanted.append(RunSpec(feature="blended"))
+    wanted = [Filter(feature="color"), Filter(feature="blended"), Filter(feature="color", seed=1)]
+    wanted.append(Filter(feature="blended"))
     few = [replace(one, particles=200, start="global") for one in wanted]
     runs = make_runs(session, library, few)
     color, blended, other_seed, again = (run.label for run in runs)

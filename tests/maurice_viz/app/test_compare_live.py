@@ -167,13 +167,19 @@ def test_each_run_is_what_it_is_alone_on_a_capture(kind, keep_up, lines, small_s
     survey = small_session.parent / "survey.log"
     live = mv.LiveOptions(kind == "follow", Path("drive"), keep_up, patience_s=1.0)
     with SOURCES[kind](lines, monkeypatch) as source:
-        scores = mv.compare(source, survey, presets=PRESETS, particles=PARTICLES, live=live, save_run="both")
+        scores = mv.compare(
+            source,
+            survey,
+            filters=[mv.Filter(value, particles=PARTICLES) for value in PRESETS],
+            live=live,
+            save_run="both",
+        )
     assert [run.label for run in scores.runs] == list(PRESETS)
     assert scores.runs[1].against == PRESETS[0]
     assert scores.saved_run == Path("both")
     assert [str(run) for run in mv.verify("both") if not run.same] == []
     for preset in PRESETS:
-        mv.replay("drive", preset=preset, particles=PARTICLES, save_run=f"alone-{preset}")
+        mv.replay("drive", filter=mv.Filter(preset, particles=PARTICLES), save_run=f"alone-{preset}")
         alone, beside = open_run(f"alone-{preset}"), open_run(Path("both") / preset)
         pairs = list(zip(alone.steps(), beside.steps(), strict=True))
         assert len(pairs) >= (1 if keep_up else 10)

@@ -12,6 +12,7 @@ from rerun.chunk import RrdReader
 import maurice_viz as mv
 from helpers.small_room import write_small_room
 from maurice_datasets import simulation, surveys
+from maurice_datasets.sessions import simulation_plan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.worlds.build import load_world
 from maurice_viz.app.drive.drive import drive
@@ -20,6 +21,7 @@ from maurice_viz.errors import OptionError
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live ones have none on purpose
 QUICK = {"particles": 300}
+PLAN = {"world", "laser", "half_resolution", "tier"}  # the others are the filter's
 WORLD = cache(load_world)  # the same one, so that it is lit once
 
 
@@ -40,7 +42,10 @@ def quick_survey(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, own_cache: str
 
 def driven(keys: str | list[str], **how: object) -> tuple[mv.RunScores, list[str]]:
     lines: list[str] = []
-    scores = drive(list(keys), tell=lines.append, **(QUICK | how))
+    asked = QUICK | how
+    plan = simulation_plan(asked.pop("start", "global"), **{k: asked.pop(k) for k in PLAN & asked.keys()})
+    to = asked.pop("to", None)
+    scores = drive(list(keys), plan, mv.Filter(**asked), to=to, tell=lines.append)
     return scores, lines
 
 
@@ -78,9 +83,9 @@ def test_every_key_does_what_the_help_says():
 def test_a_saved_drive_replays_to_the_same_scores():
     """The picture, the movements and the filter's random numbers are those of the drive."""
     scores, _ = driven("wwawdwwSq", start="tracking")
-    replayed = mv.replay("drive", preset="robust", particles=300)
+    replayed = mv.replay("drive", filter=mv.Filter("robust", particles=300))
     assert replayed.runs[0].score == scores.runs[0].score
-    assert len(mv.diagnose("drive", preset="robust", particles=300).runs) == 1
+    assert len(mv.diagnose("drive", filter=mv.Filter("robust", particles=300)).runs) == 1
 
 
 def test_another_preset_goes_on_from_the_present_belief():
@@ -108,7 +113,7 @@ def test_a_laser_is_driven_alike():
     scores, lines = driven("w2dlS", laser=True, start="tracking")
     assert "a laser sees no light" in lines[-3]
     assert scores.runs[0].score.updates == 3
-    replayed = mv.replay("drive", particles=300).runs[0]
+    replayed = mv.replay("drive", filter=mv.Filter(particles=300)).runs[0]
     assert replayed.label == "laser"
     assert replayed.score.updates >= 2  # scans after no way and no turn are left out
 
@@ -121,7 +126,7 @@ def test_what_cannot_be_is_told():
     assert "saved" not in lines[-2]
     assert (Path("drive") / "mine.txt").exists()
     with pytest.raises(OptionError, match="expected global or tracking"):
-        drive([], start="truth")
+        drive([], simulation_plan("kidnapped"))
     with pytest.raises(OptionError, match="no preset"):
         driven("w", preset="brilliant")
 
@@ -132,7 +137,8 @@ def test_a_request_to_stop_keeps_what_was_driven():
         raise KeyboardInterrupt
 
     reports = []
+    plan = simulation_plan("global", world=QUICK["world"])
     with pytest.raises(KeyboardInterrupt, match="complete"):
-        drive(keys(), to="out.rrd", report=reports.append, **QUICK)
+        drive(keys(), plan, mv.Filter(particles=300), to="out.rrd", report=reports.append)
     assert reports[0].runs[0].score.updates == 2
     assert Path("out.rrd").exists()

@@ -7,7 +7,7 @@ import re
 import pytest
 
 import maurice_viz as mv
-from maurice_datasets.sessions import simulate
+from maurice_datasets.sessions import simulate, simulation_plan
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import account, headline
 
@@ -20,8 +20,10 @@ def judged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("five")
 
     def of(task, seed, updates, preset, particles, feature=None, **more):
-        paths = simulate(task, to=folder / f"{task}-{seed}", seed=seed, updates=updates, **more)
-        scores = mv.replay(paths.session, preset=preset, particles=particles, feature=feature)
+        paths = simulate(
+            simulation_plan(task, seed=seed, updates=updates, **more), to=folder / f"{task}-{seed}"
+        )
+        scores = mv.replay(paths.session, filter=mv.Filter(preset, particles=particles, feature=feature))
         verdicts = {run.label: run.verdict for run in scores.runs}
         text = " ".join([headline(verdicts, INCHES), *account(verdicts, INCHES)])
         return text, next(iter(verdicts.values()))

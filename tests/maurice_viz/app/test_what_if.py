@@ -31,14 +31,11 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("what-if")
     write_small_survey(folder)
     session = write_small_session(folder, updates=24)
-    mv.replay(session, preset="robust", particles=200, seed=3, save_run=folder / "kept")
+    mv.replay(session, filter=mv.Filter("robust", particles=200, seed=3), save_run=folder / "kept")
     settings = {"recovery.strategy": "none"}
     mv.replay(
         session,
-        feature="color",
-        particles=200,
-        start="0.4,1.8,180",
-        settings=settings,
+        filter=mv.Filter("color", particles=200, start="0.4,1.8,180", settings=settings),
         save_run=folder / "lost",
     )
     return folder
@@ -56,7 +53,7 @@ def test_a_branch_that_changes_nothing_is_the_run(folder, step):
 def test_a_branch_of_a_laser_checks_places_by_the_scans_before_it(tmp_path):
     plan = SimulationPlan(TASKS["kidnapped"], world="office", arena_seed=2, seed=3, updates=24, laser=True)
     written = write_simulation(tmp_path / "off", plan)
-    mv.replay(written.session, preset="laser", save_run=tmp_path / "run")
+    mv.replay(written.session, filter="laser", save_run=tmp_path / "run")
     carried = next(event.step for event in mv.events(tmp_path / "run", kinds=["kidnapped"]).runs[0].events)
     for step in range(carried - 1, carried + 3):
         assert mv.what_if(tmp_path / "run", step).same
@@ -64,7 +61,7 @@ def test_a_branch_of_a_laser_checks_places_by_the_scans_before_it(tmp_path):
 
 def test_the_same_settings_given_again_change_nothing(folder):
     settings = {"recovery.strategy": "threshold", "resampling.scheme": "systematic"}
-    assert mv.what_if(folder / "kept", 7, settings=settings, particles=200, seed=3).same
+    assert mv.what_if(folder / "kept", 7, filter=mv.Filter(settings=settings, particles=200), seed=3).same
 
 
 def test_noise_differs_only_from_the_branch_on(folder):
@@ -75,15 +72,20 @@ def test_noise_differs_only_from_the_branch_on(folder):
 
 def test_a_strategy_that_never_acts_leaves_the_run_as_it_is(folder):
     never = {"recovery.strategy": "sensor", "recovery.sensor.evidence": -1e6}
-    found = mv.what_if(folder / "lost", 7, settings=never)
+    found = mv.what_if(folder / "lost", 7, filter=mv.Filter(settings=never))
     assert found.same
-    always = mv.what_if(folder / "lost", 7, settings={"recovery.strategy": "always"})
+    always = mv.what_if(folder / "lost", 7, filter=mv.Filter(settings={"recovery.strategy": "always"}))
     assert (always.same_until, always.differs.field) == (7, "events")
 
 
 def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     settings = {"recovery.strategy": "mixture"}
-    found = mv.what_if(folder / "lost", 3, settings=settings, to=folder / "out.rrd", detail="light")
+    found = mv.what_if(
+        folder / "lost",
+        3,
+        filter=mv.Filter(settings=settings),
+        output=mv.Output(detail="light", to=folder / "out.rrd"),
+    )
     assert 3 < found.parted_at < 15
     assert found.after.error_mean_m < found.before.error_mean_m
     assert f"the estimates part at step {found.parted_at}" in found.line
@@ -96,7 +98,7 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
 
 def test_a_branch_may_compare_pictures_by_other_channels(folder):
     """Its diagnosis looks at the steps before the branch with its own sensor model."""
-    found = mv.what_if(folder / "lost", 3, preset="robust")
+    found = mv.what_if(folder / "lost", 3, filter="robust")
     assert found.same_until == 3
     assert found.change == ("preset robust",)
     assert found.after.error_mean_m < found.before.error_mean_m
@@ -213,7 +215,7 @@ def test_a_branch_with_another_feature_gets_new_scales_and_keeps_chosen_ones(fol
     monkeypatch.setattr(left_out, "FITTED_SPACING_M", 0.1)  # so that half a meter is far apart
     session = folder / "session.log"
     for name, settings in {"fitted": {}, "chosen": {"sensor.scales": {"edges": 0.1}}}.items():
-        mv.replay(session, feature="edges", particles=50, settings=settings, save_run=folder / name)
+        mv.replay(session, filter=mv.Filter("edges", particles=50, settings=settings), save_run=folder / name)
         point = open_branch(folder / name)
         assert point.run.configuration.parameters.sensor.scales
         branch = point.localizer_with(BranchChange(feature="color"))

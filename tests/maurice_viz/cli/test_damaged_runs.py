@@ -45,7 +45,9 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_small_survey(folder)
     settings = {"recovery.strategy": "sensor", "recovery.sensor.evidence": -700.0}  # compares, never draws
     mv.replay(
-        write_small_session(folder, updates=4), particles=6, settings=settings, save_run=folder / "kept"
+        write_small_session(folder, updates=4),
+        filter=mv.Filter(particles=6, settings=settings),
+        save_run=folder / "kept",
     )
     return folder / "kept"
 

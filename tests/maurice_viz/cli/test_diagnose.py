@@ -49,7 +49,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("diagnosed")
     write_small_survey(folder)
     log = write_small_session(folder)
-    mv.replay(carried(log, 6), particles=200, save_run=folder / "kept")
+    mv.replay(carried(log, 6), filter=mv.Filter(particles=200), save_run=folder / "kept")
     return folder
 
 
@@ -98,7 +98,7 @@ def test_every_place_tells_the_same_failures(made: Path) -> None:
 
 
 def test_a_run_without_failure_has_none_anywhere(small_session: Path, tmp_path: Path) -> None:
-    scores = mv.replay(small_session, particles=200, save_run=tmp_path / "kept")
+    scores = mv.replay(small_session, filter=mv.Filter(particles=200), save_run=tmp_path / "kept")
     assert open_run(tmp_path / "kept").manifest.failures == scores.runs[0].verdict.failures == ()
     assert not mv.events(tmp_path / "kept", kinds=["failure"]).runs[0].events
     assert mv.diagnose(tmp_path / "kept").runs[0].failures == ()
@@ -136,7 +136,7 @@ def test_light_which_costs_a_comparison_is_looked_for_only_where_a_run_was_lost(
     pictures = []
     real = diagnosis.light_fit
     monkeypatch.setattr(diagnosis, "light_fit", lambda *a: pictures.append(a) or real(*a))
-    mv.replay(made / "session.log", particles=200)
+    mv.replay(made / "session.log", filter=mv.Filter(particles=200))
     assert pictures == []
     mv.diagnose(made / "kept")
     assert pictures
@@ -207,7 +207,11 @@ def test_rows_of_trials_name_the_same_cause(small_session, tmp_path):
     assert rows["failure"].null_count() < len(rows)
     for row in rows.iter_rows(named=True):
         start = "global" if row["session"] == "anywhere" else None
-        failures = diagnose(small_session, particles=4, seed=row["seed"], start=start).runs[0].failures
+        failures = (
+            diagnose(small_session, filter=mv.Filter(particles=4, seed=row["seed"], start=start))
+            .runs[0]
+            .failures
+        )
         failed = row["right_at_end"] is False if start else row["lost"]
         kinds = [failure.kind for failure in failures] or ["unknown"]
         assert row["failure"] == (kinds[-1] if start else kinds[0]) if failed else row["failure"] is None
@@ -225,6 +229,6 @@ def test_a_laser_begun_at_a_wrong_place_with_rvizs_spread_had_a_wrong_start(tmp_
         "start.heading_sd_rad": 0.26,
         "sensor.laser.model": "likelihood_field_prob",
     }
-    options = {"preset": "amcl", "start": wrong, "settings": settings}
-    mv.replay(written.session, **options, save_run=tmp_path / "run")
+    began = mv.Filter("amcl", start=wrong, settings=settings)
+    mv.replay(written.session, filter=began, save_run=tmp_path / "run")
     assert "the filter began" in diagnose(tmp_path / "run").text

@@ -15,7 +15,7 @@ import pytest
 
 from helpers import expect_facts
 from helpers.commands import failure, run, runs_of
-from maurice_loaders.reading.options import ReadingOptions, read_reading
+from maurice_loaders.reading.options import Reading, read_reading
 from maurice_viz.cli.shared.values import reading_of, typed
 
 
@@ -141,13 +141,13 @@ def test_fix_writes_a_reading_file(small_session, tmp_path):
     assert not out.exists()
     done = run("doctor", wrong, *words)
     assert f"--reading {out}" in done.stderr
-    assert read_reading(out) == ReadingOptions(odometry_scale=0.001)
+    assert read_reading(out) == Reading(odometry_scale=0.001)
     run("doctor", wrong, *words, expect=1)
     run("doctor", wrong, *words, "--force")
 
 
 def test_options_are_typed_as_they_are_read():
-    given = ReadingOptions(
+    given = Reading(
         format="table", columns={"x": "px:mm"}, table=Path("a b.csv"), min_angle_rad=math.pi / 6,
         max_dt_s=0.5,
         odometry_from_truth=True, turn_scale=-1.0, camera_yaw_rad=-math.pi / 4, odometry_are="steps",
@@ -158,7 +158,7 @@ def test_options_are_typed_as_they_are_read():
         given, camera_yaw_rad=0.0, min_angle_rad=0.0
     )
     assert (read.camera_yaw_rad, read.min_angle_rad) == pytest.approx((-math.pi / 4, math.pi / 6))
-    assert typed(ReadingOptions()) == []
+    assert typed(Reading()) == []
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,15 @@ def test_what_it_asks_for_fills_the_gap_and_lowers_the_error(gap, tmp_path):
 
     drive = gap.with_name("session.log")
     errors = [
-        mv.check(drive, library, max_error_m=9, seeds=5, start="global", particles=300).drives[0].runs
+        mv.check(
+            drive,
+            library,
+            filter=mv.Filter(start="global", particles=300),
+            demands=mv.Demands(max_error_m=9),
+            seeds=5,
+        )
+        .drives[0]
+        .runs
         for library in (gap, built)
     ]
     worse = [old.error_m - new.error_m for old, new in zip(*errors, strict=True)]

@@ -15,7 +15,7 @@ from helpers import format_samples
 from helpers.commands import failure, maurice
 from maurice_loaders.errors import FieldError, InputError
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading.options import ReadingOptions, reading_from_json, reading_to_json
+from maurice_loaders.reading.options import Reading, reading_from_json, reading_to_json
 from maurice_loaders.runs.manifest import read_manifest, source_hash
 from maurice_mcl.values.geometry import compose
 from maurice_viz.app import compare as side_by_side
@@ -119,7 +119,7 @@ def test_manifests_of_other_versions_are_refused(small_session, tmp_path):
 
 
 def test_options_of_reading_are_kept_and_strange_ones_refused():
-    options = ReadingOptions(
+    options = Reading(
         "table", "left", columns={"x": "px:mm"}, time_unit="ms", min_angle_rad=0.25, odometry_seed=7
     )
     assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
@@ -152,12 +152,12 @@ def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path
 
 
 def test_a_session_read_with_another_table_is_another_drive():
-    def drive(table: str | None, reading: ReadingOptions) -> str:
+    def drive(table: str | None, reading: Reading) -> str:
         source = None if table is None else SimpleNamespace(sha256=table)
         manifest = SimpleNamespace(session=SimpleNamespace(sha256="s"), reading=reading, table=source)
         return side_by_side._drive(SimpleNamespace(runs=[SimpleNamespace(manifest=manifest)]))  # type: ignore[arg-type]  # all that is looked at
 
-    usual = ReadingOptions()
+    usual = Reading()
     assert drive("a", usual) == drive("a", usual)
-    others = (drive("b", usual), drive(None, usual), drive("a", ReadingOptions("tum")))
+    others = (drive("b", usual), drive(None, usual), drive("a", Reading("tum")))
     assert len({drive("a", usual), *others}) == 4

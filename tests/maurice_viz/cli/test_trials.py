@@ -40,7 +40,7 @@ def test_a_row_has_the_figures_of_a_replay(small_session: Path, tmp_path: Path) 
     for row in read_rows(tmp_path / "out").iter_rows(named=True):
         feature = "edges" if row["label"] == "robust" else None
         scores = mv.replay(
-            small_session, preset=row["label"], feature=feature, particles=60, seed=row["seed"]
+            small_session, filter=mv.Filter(row["label"], feature=feature, particles=60, seed=row["seed"])
         )
         score = scores.runs[0].score
         assert row["error_m"] == score.position_error_mean_m

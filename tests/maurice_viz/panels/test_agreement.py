@@ -350,5 +350,5 @@ def test_a_recording_decides_what_happened_only_when_the_run_is_over(small_sessi
 
     for name in ("results", "verdicts"):
         monkeypatch.setattr(ResultCollector, name, counted(getattr(ResultCollector, name)))
-    scores = mv.replay(small_session, particles=50, to="run.rrd")
+    scores = mv.replay(small_session, filter=mv.Filter(particles=50), to="run.rrd")
     assert set(asked) == {scores.runs[0].score.updates}

@@ -34,7 +34,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Opened]:
     folder = tmp_path_factory.mktemp("demo")
     recording, saved = folder / "demo.rrd", folder / "runs"
     session = kidnapping_paths().session
-    mv.compare(session, presets=LABELS, to=recording, save_run=saved, detail="light")
+    mv.compare(session, filters=LABELS, output=mv.Output(detail="light", to=recording, save_run=saved))
     return recording, open_saved(saved)
 
 
@@ -123,7 +123,7 @@ def test_the_words_name_the_recording_also_of_a_saved_run_that_is_drawn_again(de
     assert "open FILE" not in texts_of(recording)
     monkeypatch.chdir(tmp_path)  # a short name has room on every page
     again = Path("again.rrd")
-    mv.replay(opened.folder / "thesis", to=again, detail="light")
+    mv.replay(opened.folder / "thesis", output=mv.Output(detail="light", to=again))
     assert f"maurice-replay open {again} --step 60" in texts_of(again)
 
 

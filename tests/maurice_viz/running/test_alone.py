@@ -16,7 +16,7 @@ import pytest
 import maurice_viz as mv
 from helpers.small_room import write_small_room
 from helpers.small_session import write_small_session, write_small_survey
-from maurice_datasets import simulate
+from maurice_datasets import simulate, simulation_plan
 from maurice_datasets.trials.drives import filter_for, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_loaders import with_landmarks
@@ -33,8 +33,8 @@ from maurice_mcl.values import F64, Library
 from maurice_mcl.values.laser import LaserScan
 from maurice_viz.app.branch import BranchChange, open_branch
 from maurice_viz.playback import FilterRun, run_together
+from maurice_viz.running.filters import Filter
 from maurice_viz.running.open import make_runs, open_library_for, unique_labels
-from maurice_viz.running.run_spec import RunSpec, settings_with
 
 PARTICLES, UPDATES = 60, 8
 BY_CAMERA = [name for name, values in PRESETS.items() if "laser" not in values["sensor.weights"]]
@@ -54,10 +54,10 @@ class SmallDrive:
         session = open_session(log)
         return cls(session, open_library_for(session, None, keep_going=False))
 
-    def made(self, specs: Sequence[RunSpec]) -> list[FilterRun]:
+    def made(self, specs: Sequence[Filter]) -> list[FilterRun]:
         return make_runs(self.session, self.library, [replace(one, particles=PARTICLES) for one in specs])
 
-    def runs(self, specs: Sequence[RunSpec]) -> dict[str, list[StepRows]]:
+    def runs(self, specs: Sequence[Filter]) -> dict[str, list[StepRows]]:
         return self.stepped(self.made(specs))
 
     def stepped(self, runs: Sequence[FilterRun]) -> dict[str, list[StepRows]]:
@@ -74,14 +74,11 @@ def drive(request, tmp_path_factory) -> tuple[SmallDrive, list[str], dict[str, l
     folder = tmp_path_factory.mktemp(request.param)
     by_laser = request.param == "laser"
     paths = simulate(
-        "tracking",
+        simulation_plan("tracking", world=write_small_room(folder), updates=UPDATES, laser=by_laser),
         folder / "drive",
-        world=write_small_room(folder),
-        updates=UPDATES,
-        laser=by_laser,
     )
     small, presets = SmallDrive.of(paths.session), BY_LASER if by_laser else BY_CAMERA
-    return small, presets, {name: small.runs([RunSpec(name)])[name] for name in presets}
+    return small, presets, {name: small.runs([Filter(name)])[name] for name in presets}
 
 
 def _expect_same(alone: Sequence[StepRows], beside: Sequence[StepRows]) -> None:
@@ -93,7 +90,7 @@ def test_every_preset_beside_any_other(drive):
     small, presets, alone = drive
     orders = [presets, presets[::-1], *(list(pair) for pair in combinations(presets, 2))]
     for names in orders:
-        for name, rows in small.runs([RunSpec(name) for name in names]).items():
+        for name, rows in small.runs([Filter(name) for name in names]).items():
             _expect_same(alone[name], rows)
 
 
@@ -101,7 +98,7 @@ def test_every_preset_in_trials_as_a_branch_and_in_a_check(drive, tmp_path):
     small, presets, alone = drive
     log = small.session.path
     recorded = open_drive(SessionSpec("small", path=str(log)), 0)
-    mv.replay(log, preset=presets[-1], particles=PARTICLES, save_run=tmp_path / "saved")
+    mv.replay(log, filter=mv.Filter(presets[-1], particles=PARTICLES), save_run=tmp_path / "saved")
     point = open_branch(tmp_path / "saved")
     for name in presets:
         settings = {"preset": name, "particles": PARTICLES}
@@ -109,7 +106,11 @@ def test_every_preset_in_trials_as_a_branch_and_in_a_check(drive, tmp_path):
         _expect_same(alone[name], _rows(small, localizer, recorded.start))
         branch = point.localizer_with(BranchChange(preset=name))
         _expect_same(alone[name], _rows(small, branch, point.restored.start))
-        checked = mv.check(log, preset=name, particles=PARTICLES, max_error_m=1.0).drives[0].made.tracks[0]
+        checked = (
+            mv.check(log, filter=mv.Filter(name, particles=PARTICLES), demands=mv.Demands(max_error_m=1.0))
+            .drives[0]
+            .made.tracks[0]
+        )
         errors_m = [_error_m(rows) for rows in alone[name]]
         np.testing.assert_allclose(checked.off_m, errors_m, rtol=0, atol=1e-12)
 
@@ -130,7 +131,7 @@ def test_what_a_preset_uses_does_not_depend_on_what_a_library_holds(drive):
     marked = with_landmarks(small.library)
     assert list(marked.sensors) == ["landmarks"]
     for library in (small.library, marked):
-        runs = make_runs(small.session, library, [RunSpec(name) for name in presets])
+        runs = make_runs(small.session, library, [Filter(name) for name in presets])
         used = {run.label: set(run.localizer.sensor.names) for run in runs}
         assert used == {name: set(PRESETS[name]["sensor.weights"]) for name in presets}
     assert make_localizer(marked, preset="robust").sensor.names == tuple(FEATURES["best"])
@@ -139,7 +140,7 @@ def test_what_a_preset_uses_does_not_depend_on_what_a_library_holds(drive):
 def test_a_replay_says_what_each_run_uses(drive):
     small, presets, _ = drive
     listener = Remarks()
-    make_runs(small.session, small.library, [RunSpec(name) for name in presets[:2]], listener)
+    make_runs(small.session, small.library, [Filter(name) for name in presets[:2]], listener)
     uses = [f"{name} uses {', '.join(PRESETS[name]['sensor.weights'])}" for name in presets[:2]]
     assert "; ".join(uses) in listener.remarks
 
@@ -168,7 +169,7 @@ def test_a_laser_is_used_by_the_presets_for_one_and_where_nobody_chose(drive):
     around = LaserScan(np.full(90, 0.5, np.float32), -np.pi, np.pi / 45, 0.1, 8.0)
     occupancy = build_occupancy([(around, np.array([(x_min + x_max) / 2, (y_min + y_max) / 2, 0.0]))])
     both = replace(small.library, arena=replace(small.library.arena, occupancy=occupancy))
-    specs = [RunSpec(), RunSpec("robust"), RunSpec("laser"), RunSpec("precise"), RunSpec(feature="color")]
+    specs = [Filter(), Filter("robust"), Filter("laser"), Filter("precise"), Filter(feature="color")]
     used = [run.localizer.sensor.names for run in make_runs(small.session, both, specs)]
     everything = (*FEATURES["blended"], "laser")
     assert used == [everything, tuple(FEATURES["best"]), ("laser",), tuple(FEATURES["all"]), ("color",)]
@@ -181,8 +182,7 @@ def test_a_sensor_of_another_package_is_used_by_the_run_that_names_it_alone(tmp_
     subprocess.run(words, cwd=EXAMPLE, check=True, capture_output=True)
     monkeypatch.syspath_prepend(str(EXAMPLE))
     small = SmallDrive.of(tmp_path / "beacon.log")
-    settings = settings_with({}, ["beacon:Beacon"])
-    specs = [RunSpec("robust", name="without"), RunSpec("robust", name="with", settings=settings)]
+    specs = [Filter("robust", name="without"), Filter("robust", name="with", sensors=["beacon:Beacon"])]
     alone = {spec.name: small.runs([spec])[spec.name] for spec in specs}
     assert first_difference(alone["with"][3], alone["without"][3]) is not None
     for order in (specs, specs[::-1]):

@@ -16,7 +16,7 @@ import pytest
 import maurice_viz as mv
 from helpers import viz_recordings as recordings
 from helpers.small_room import write_small_room
-from maurice_datasets import simulate
+from maurice_datasets import simulate, simulation_plan
 from maurice_mcl.scoring.episodes import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING, WRONG
 from maurice_mcl.scoring.events import FAILURE
 from maurice_viz.errors import SILENT
@@ -108,10 +108,15 @@ def shown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     folder = tmp_path_factory.mktemp("drive")
     room = write_small_room(folder)
     room.write_text(room.read_text().replace("rect = [0, 0, 200, 160]", "rect = [0, 0, 340, 200]"))
-    drive = simulate(task, folder / "drive", world="office" if laser else room, updates=UPDATES, laser=laser)
+    drive = simulate(
+        simulation_plan(task, world="office" if laser else room, updates=UPDATES, laser=laser),
+        folder / "drive",
+    )
     session, recording, saved = change(drive.session), folder / "shown.rrd", folder / "saved"
     presets = ["amcl", "laser"] if laser else ["thesis", "robust"]
-    scores = mv.compare(session, presets=presets, particles=300, to=recording, save_run=saved)
+    scores = mv.compare(
+        session, filters=[mv.Filter(value, particles=300) for value in presets], to=recording, save_run=saved
+    )
     page = mv.report(saved, to=folder / "page.html").read_text(encoding="utf-8")
     return Shown(scores, recording, saved, html.unescape(page))
 

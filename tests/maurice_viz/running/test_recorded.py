@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import maurice_viz as mv
 from helpers import bags as making
 from helpers.bags import Ros
 from helpers.commands import run
@@ -19,7 +20,7 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.ros_maps import write_ros_map
-from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
@@ -55,7 +56,7 @@ def saved(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_frames_carry_the_scan_that_the_pose_is_of(bag: Path) -> None:
-    (recorded,) = open_recorded(bag, ReadingOptions())
+    (recorded,) = open_recorded(bag, Reading())
     frames = [moment.frame for step in together([recorded]) for moment, _ in step.values()]
     assert len(frames) == 24
     for number, frame in enumerate(frames):
@@ -69,7 +70,7 @@ def test_frames_carry_the_scan_that_the_pose_is_of(bag: Path) -> None:
 
 def test_a_saved_run_comes_back_step_by_step(bag: Path, saved: Path) -> None:
     again = open_saved(saved)
-    shown = [step["particle_cloud"] for step in together(open_recorded(bag, ReadingOptions()))]
+    shown = [step["particle_cloud"] for step in together(open_recorded(bag, Reading()))]
     for (moment, records), (_, record), rows in zip(
         again.updates(), shown, open_run(saved).steps(), strict=True
     ):
@@ -101,7 +102,7 @@ def test_other_bags_are_saved_as_well(kind: str, tmp_path: Path) -> None:
 
 
 def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
-    (recorded,) = open_recorded(bag, ReadingOptions())
+    (recorded,) = open_recorded(bag, Reading())
     builder = DiagnosisBuilder(occupancy=recorded.overview.arena.occupancy)
     for step in together([recorded]):
         builder.add(*step["particle_cloud"])
@@ -113,7 +114,7 @@ def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
 
 
 def test_beside_each_other_nothing_is_said_of_what_weighed_their_particles(bag: Path) -> None:
-    both = ReadingOptions(localizer_topic="/amcl_pose,/particle_cloud")
+    both = Reading(localizer_topic="/amcl_pose,/particle_cloud")
     for steps in together(open_recorded(bag, both)):
         text = step_words(steps, Scale(units_named("m")), Radii())
         assert "amcl_pose" in text
@@ -142,16 +143,16 @@ def test_nothing_speaks_of_cameras(saved: Path, tmp_path: Path) -> None:
 
 
 def test_demands_apply_and_nothing_else(saved: Path, tmp_path: Path) -> None:
-    result = check(saved, max_error_m=0.5, localized_by=10, artifacts=tmp_path / "why")
+    result = check(saved, demands=mv.Demands(max_error_m=0.5, localized_by=10), to=tmp_path / "why")
     (drive,) = result.drives
     assert not result.passed
     assert drive.failure is not None
     assert drive.failure.step == 13
     assert "carried" in (tmp_path / "why" / "amcl" / "diagnosis.txt").read_text()
-    assert check(saved, converged_by=10).passed
+    assert check(saved, demands=mv.Demands(converged_by=10)).passed
     assert not any("seeds" in doubt for doubt in drive.doubts)
     with pytest.raises(OptionError, match="only demands apply"):
-        check(saved, max_error_m=0.5, particles=10)
+        check(saved, filter=mv.Filter(particles=10), demands=mv.Demands(max_error_m=0.5))
 
 
 def test_other_programs_get_its_poses_without_gray_pictures(saved: Path, tmp_path: Path) -> None:

@@ -197,7 +197,7 @@ def test_it_is_said_once_a_replay(small_session: Path, monkeypatch: pytest.Monke
         warning=said.append, remark=lambda text: None, progress=lambda done, total, what: None
     )
     monkeypatch.setattr(run, "say_other_shape", lambda frame, sensors: "of another shape")
-    mv.replay(small_session, particles=50, listener=listener)
+    mv.replay(small_session, filter=mv.Filter(particles=50), listener=listener)
     assert said.count("of another shape") == 1
 
 

@@ -506,7 +506,7 @@ def test_shares_of_a_second_opinion_count_from_a_hundredth():
     assert OpinionReader().features(RIGHT, Shares(0.0, 1.0))["near"] == pytest.approx(np.log(0.01))
 
 
-class Towards:
+class Towards(mcl.PoseSensor):
     """A pose sensor that puts every pose near the robot before all others by some nats."""
 
     name = "towards"

@@ -96,7 +96,7 @@ def test_a_sensor_that_is_not_there_cannot_be_weighted(truths):
         mcl.InputError, match=r"sensor\.weights: no channel called 'position'; expected one of"
     ):
         mcl.make_localizer(mcl.tiny_library(), settings={"sensor.weights": {"color": 1, "position": 0.5}})
-    with pytest.raises(mcl.InputError, match="found the name of a channel, 'color'"):
+    with pytest.raises(mcl.InputError, match="its name is 'color', expected a lower-case word"):
         _made(Position(truths, name="color"))
 
 

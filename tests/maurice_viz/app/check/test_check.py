@@ -21,7 +21,8 @@ from maurice_viz.app.check.rules import LEAST_PAIRS, WORSE_P, BaselineChange, ch
 from maurice_viz.errors import OptionError
 from maurice_viz.style import Scale, units_named
 
-SMALL = {"particles": 60}
+SMALL = mv.Filter(particles=60)
+WITHIN_A_METER = mv.Demands(max_error_m=1)
 FEW = ("--particles", "60")
 STRICT = 0.0128  # meters: some of the seeds are off by less, some by more
 
@@ -36,7 +37,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def baseline(drive: Path) -> Path:
     file = drive.with_name("baseline.parquet")
-    assert mv.check(drive, max_error_m=1, seeds=8, save_baseline=file, **SMALL).passed
+    assert mv.check(drive, filter=SMALL, demands=WITHIN_A_METER, seeds=8, to=file).passed
     return file
 
 
@@ -84,18 +85,21 @@ def test_a_failed_check_leaves_what_a_build_server_and_a_person_need(drive, tmp_
 
 
 def test_the_rate_is_tested_and_not_one_run(drive):
-    strict = {"max_error_m": STRICT, "seeds": 8, **SMALL}
-    found = mv.check(drive, min_localized=0.01, **strict).drives[0]
+    def strict(rate):
+        demands = mv.Demands(max_error_m=STRICT, min_localized=rate)
+        return mv.check(drive, filter=SMALL, demands=demands, seeds=8)
+
+    found = strict(0.01).drives[0]
     error = found.demands[-1]
     assert 0 < error.met < 8
-    assert mv.check(drive, min_localized=error.rate, **strict).passed
-    assert not mv.check(drive, min_localized=error.rate + 0.01, **strict).passed
+    assert strict(error.rate).passed
+    assert not strict(error.rate + 0.01).passed
     assert not error.is_certain or error.low > 0.01
 
 
 def test_runs_are_those_of_a_replay_with_that_seed(drive):
-    found = mv.check(drive, max_error_m=1, seeds=3, **SMALL).drives[0]
-    alone = mv.replay(drive, seed=2, **SMALL).runs[0].score
+    found = mv.check(drive, filter=SMALL, demands=WITHIN_A_METER, seeds=3).drives[0]
+    alone = mv.replay(drive, filter=SMALL.set(seed=2)).runs[0].score
     assert found.runs[2].error_m == alone.position_error_mean_m
     assert found.runs[2].found_after == alone.localized_at_update
 
@@ -107,14 +111,14 @@ def test_enough_runs_are_just_enough(needed):
 
 
 def test_the_same_filter_is_no_worse_than_itself(drive, baseline):
-    found = mv.check(drive, seeds=8, against=baseline, **SMALL)
+    found = mv.check(drive, filter=SMALL, seeds=8, against=baseline)
     assert found.passed
     assert {(one.difference, one.pairs) for one in found.drives[0].changes} == {(0.0, 8)}
 
 
 def test_a_worse_filter_fails_against_the_baseline_and_a_better_one_does_not(drive, baseline, tmp_path):
-    worse = {"seeds": 8, "start": "global", "particles": 5}
-    found = mv.check(drive, against=baseline, **worse)
+    worse = mv.Filter(start="global", particles=5)
+    found = mv.check(drive, filter=worse, seeds=8, against=baseline)
     assert not found.passed
     error = found.drives[0].changes[0]
     assert error.title == "mean error"
@@ -125,7 +129,7 @@ def test_a_worse_filter_fails_against_the_baseline_and_a_better_one_does_not(dri
     assert any(one.startswith("mean error:") and "95 % interval" in one for one in messages)
 
     bad = tmp_path / "bad.parquet"
-    mv.check(drive, save_baseline=bad, **worse)
+    mv.check(drive, filter=worse, seeds=8, to=bad)
     out, err = maurice("check", drive, *FEW, "--seeds", "8", "--against", bad)
     assert "against the baseline, 8 seeds" in out
     assert "differ from those of the baseline" in err
@@ -156,12 +160,14 @@ def test_without_truth_only_convergence_can_be_checked(tmp_path):
     assert "sure of a wrong place meets it too" in out
     assert "the start is given" in out
     assert "--seeds 20 tests the rate" in err
-    searched = mv.check(blind, converged_by=5, start="global", **SMALL).drives[0].doubts
+    searched = (
+        mv.check(blind, filter=SMALL.set(start="global"), demands=mv.Demands(converged_by=5)).drives[0].doubts
+    )
     assert ["wrong place" in text for text in searched] == [True]
 
 
 def test_several_drives_are_suites_of_one_result(drive):
-    found = mv.check([drive, drive], max_error_m=1, **SMALL)
+    found = mv.check([drive, drive], filter=SMALL, demands=WITHIN_A_METER)
     assert [one.session for one in found.drives] == ["kleine Fahrt", "kleine Fahrt (2)"]
     suites = ET.fromstring(found.to_junit())
     assert (suites.get("tests"), len(suites)) == ("4", 2)
@@ -170,24 +176,28 @@ def test_several_drives_are_suites_of_one_result(drive):
 @pytest.mark.parametrize(
     ("demand", "said"),
     [
-        ({}, "nothing is demanded"),
-        ({"max_error_m": 0}, "above 0"),
-        ({"max_error_m": np.nan}, "above 0"),
-        ({"max_error_m": 1, "min_localized": 1.5}, "up to 1"),
-        ({"localized_by": 0}, "from 1"),
-        ({"localized_by": 12}, "expected at most 10"),
-        ({"max_error_m": 1, "seeds": 0}, "seeds= is 1"),
+        (mv.Demands(), "nothing is demanded"),
+        (mv.Demands(max_error_m=0), "above 0"),
+        (mv.Demands(max_error_m=np.nan), "above 0"),
+        (mv.Demands(max_error_m=1, min_localized=1.5), "up to 1"),
+        (mv.Demands(localized_by=0), "from 1"),
+        (mv.Demands(localized_by=12), "expected at most 10"),
     ],
 )
 def test_demands_that_no_run_can_be_judged_by_are_refused(drive, demand, said):
     with pytest.raises(InputError, match=said):
-        mv.check(drive, **demand)
+        mv.check(drive, demands=demand)
+
+
+def test_a_check_has_a_seed(drive):
+    with pytest.raises(InputError, match="seeds= is 1"):
+        mv.check(drive, demands=WITHIN_A_METER, seeds=0)
 
 
 def test_names_that_xml_cannot_hold_are_written(drive, tmp_path):
     log = drive.with_name("odd.log")
     log.write_text(drive.read_text().replace("kleine Fahrt", "a\\u0001<b>&", 1))
-    found = mv.check(log, max_error_m=0.0001, artifacts=tmp_path / "kept", **SMALL)
+    found = mv.check(log, filter=SMALL, demands=mv.Demands(max_error_m=0.0001), to=tmp_path / "kept")
     assert ET.fromstring(found.to_junit())[0].get("name") == "a?<b>&"
     assert len(list((tmp_path / "kept" / "a-b").iterdir())) == 3
 
