@@ -64,9 +64,9 @@ def make_localizer(
 
     `preset` is a key of `PRESETS`; `feature` a key of `FEATURES` (`sensor.descriptors.registry`) or a channel
     ("blended" unless a preset says otherwise); `particles` defaults to 2000; the same `seed` repeats a run
-    bit for bit. `motion` holds motion parameters as under robot.motion in a session's header, or is a model of
-    your own (`RobotMotion`); with None, it is that of the session which `run` is given. `settings` maps any
-    key of docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
+    bit for bit. `motion` holds motion parameters as under robot.motion in a session's header, or is a model
+    of your own; with None, it is that of the session which `run` is given. `settings` maps any key of
+    docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
     `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`), or names of those that
     packages provide ("beacon", "module:Class"); each is used, with weight 1 unless "sensor.weights" has
     another. Environment variables are not read. The scales of a library
