@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -35,7 +36,7 @@ def step_at(number: int, truth: bool = True, **row: object) -> tables.ExportStep
     """An update of which only the poses count."""
     pose = np.array([0.3 * number, 1 - 0.1 * number, 0.4 * number - 1])
     rows = StepRows({"step": number, **row}, pl.DataFrame(), pl.DataFrame())
-    return tables.ExportStep(rows, 1.6e9 + 0.1 * number, pose + 0.05, pose if truth else None, pose / 2)
+    return tables.ExportStep(rows, 1.6e9 + 0.1 * number, 1.1 * pose + 0.05, pose if truth else None, pose / 2)
 
 
 def add_all(sink: tables.Sink, steps: Iterable[tables.ExportStep]) -> None:
@@ -128,6 +129,16 @@ def test_steps_are_those_that_were_saved(save_run: Save) -> None:
         assert step.truth.tolist() == moment.truth.tolist()
         assert step.odometry == pytest.approx(odometry)
     assert [step.scored for step in steps] == [False] * 3 + [True] * 11
+
+
+def test_exported_odometry_adds_movements_in_the_robots_own_frame():
+    motions = [[0.3, 0.0, 0.9], [0.5, 0.1, -0.4]]
+    pose = {f"{kind}_{name}": 0.0 for kind in ("estimate", "truth") for name in ("x_m", "y_m", "heading_rad")}
+    steps = [
+        StepRows(pose | {"time_s": 1.0, "motions": [m]}, pl.DataFrame(), pl.DataFrame()) for m in motions
+    ]
+    *_, last = tables.export_steps(SimpleNamespace(steps=lambda: steps))
+    assert last.odometry == pytest.approx(compose(*map(np.array, motions)))
 
 
 def test_csv_and_parquet_hold_the_same_table(save_run: Save, tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from maurice_loaders.reading.recording import (
     TruthPose,
 )
 from maurice_loaders.reading.session import RecordedSession, drive_segments
-from maurice_loaders.reading.transforms import corrected, with_frames
+from maurice_loaders.reading.transforms import FewerPictures, corrected, with_frames
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, inverse, motion_between
@@ -241,3 +241,11 @@ def test_scans_of_a_log_come_back_whatever_their_number(tmp_path: Path) -> None:
             elif isinstance(record, Scan):
                 log.scan(record.t_s, record.scan)
     assert marks(list(open_session(tmp_path / "a.log").moments())) == marks(play(*drive(300, 0.1))[0])
+
+
+@given(st.integers(1, 30), st.integers(1, 12))
+def test_of_every_so_many_pictures_the_first_is_there_and_all_else_stays(count, stride):
+    records = [record for t in range(count) for record in (pose(t, 0.1 * t), picture(t))]
+    kept = list(FewerPictures(Given(records), stride).records(ReadingNotes(keep_going=False)))
+    assert [one.t_s for one in kept if isinstance(one, Picture)] == list(range(0, count, stride))
+    assert [one for one in kept if isinstance(one, OdometryPose)] == records[::2]

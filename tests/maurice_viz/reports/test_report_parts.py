@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,12 +15,15 @@ from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values.library import USUAL
 from maurice_viz.reports.charts import MAX_POINTS, px, templates, thin_chart, ticks
+from maurice_viz.reports.make import _charts
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 from maurice_viz.reports.shots import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
 from maurice_viz.running.saved_steps import Collected, Track
+from maurice_viz.style import UNITS, Scale
 
 LOST_M = USUAL.lost_m
+CHARTED = ("confidence", "knows", "effective_sample_size", "calibrated_evidence", "mass")
 
 
 def test_text_is_escaped_in_tables_and_attributes():
@@ -134,3 +140,25 @@ def test_quiet_runs_have_a_worst_and_a_last_step():
 )
 def test_steps_are_written_as_ranges(steps, text):
     assert step_ranges(steps) == text
+
+
+def test_every_chart_is_a_column_of_the_table_in_its_unit():
+    table = replace(
+        track("a", [0.254, 0.508]).table,
+        **{name: np.array([0.1, 0.2]) * k for k, name in enumerate(CHARTED, start=1)},
+        poses=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 6]]),
+        mean_sd_m=np.array([[0.0254, 0.0], [0.0, 0.0508]]),
+    )
+    one = replace(collected(Track("a", table, ())), results=(SimpleNamespace(radii=USUAL),))
+    charts, unknown = _charts(Scale(UNITS["in"]), one, (), by_laser=False)
+    found = {f"{one.chart.title} ({one.chart.unit})": one.lines[0].y.tolist() for one in charts}
+    assert unknown == []
+    assert found == {
+        "Position error (in)": pytest.approx([10, 20]),
+        "Heading error (deg)": pytest.approx([0, 30]),
+        "Spread (in)": pytest.approx([1, 2]),
+        "Confidence (share)": pytest.approx([0.1, 0.2]),
+        "Knows where it is (probability)": pytest.approx([0.2, 0.4]),
+        "Effective sample size (share)": pytest.approx([0.3 / 4, 0.6 / 4]),
+        "Evidence (nats)": pytest.approx([0.4, 0.8]),
+    }

@@ -15,7 +15,7 @@ from maurice_mcl.scoring.table import TableRows
 from maurice_viz.playback import RunResult
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.comparison import drive_words
-from maurice_viz.text.summary import paired_rows
+from maurice_viz.text.summary import paired_rows, to_json
 
 INCHES = Scale(UNITS["in"])
 FIRST = RunResult("a", score_table(TableRows().table()), None)
@@ -68,3 +68,15 @@ def test_of_a_run_that_was_lost_there_is_no_average():
     others = [replace(FIRST, label=label, against="a", paired=paired) for label in "bc"]
     text = drive_words([replace(FIRST, verdict=LOST), *others], INCHES)
     assert text.endswith(" No averages, as `a` was lost from step 41."), "once, not of each run"
+
+
+def test_json_has_each_figure_under_its_own_name():
+    position, heading = (difference_of(np.arange(30.0) * times) for times in (0.01, 0.02))
+    paired = ComparisonResult(position, heading, apart_mean_m=0.1, apart_most_m=0.2, parted_at=7)
+    (_, run) = to_json([FIRST, replace(FIRST, label="b", against="a", paired=paired)], INCHES)["runs"]
+    told = run["against_first"]
+    assert (told["label"], told["parted_at_step"]) == ("a", 7)
+    assert (told["apart_mean_m"], told["apart_most_m"]) == (0.1, 0.2)
+    assert told["position_error"]["difference_mean_m"] == pytest.approx(0.145)
+    assert told["heading_error"]["difference_mean_rad"] == pytest.approx(0.29)
+    assert (told["position_error"]["better"], told["position_error"]["worse"]) == (0, 29)

@@ -79,6 +79,14 @@ def test_every_particle_is_copied_by_its_weight(size):
     assert np.all(np.abs(copies - size * BELIEF.weights) < 1)
 
 
+def test_which_particles_of_a_larger_cloud_stay_depends_on_the_seed_and_the_step():
+    def kept(seeds, steps):
+        return {resized(BELIEF, 13, seed, step).poses.tobytes() for seed in seeds for step in steps}
+
+    assert len(kept([1, 1], [7, 7])) == 1
+    assert len(kept(range(9), [7])) > 3 < len(kept([1], range(9)))
+
+
 def test_a_larger_cloud_begins_with_the_smaller_one():
     """So its first particles have the noise that they have without the others."""
     even = replace(BELIEF, log_weights=np.full(40, -np.log(40)))

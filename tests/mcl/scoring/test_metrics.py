@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from helpers.step_records import made, moment
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.scoring.metrics import (
     LEFT_TRUTH,
@@ -340,3 +341,11 @@ def test_leaving_the_truth_is_a_failure_once_localized():
         assert (one.at_step, one.failed, one.failed_at_step) == (2, LEFT_TRUTH, 4)
     for one in _judged([_record([0.0], at=HERE + 2)]).values():
         assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT_TRUTH, 1)
+
+
+def test_the_effective_sample_size_is_a_share_of_the_particles_that_were_weighted():
+    record = made([(0.0, 0.0, 1.0)] * 8)
+    belief = replace(record.belief, poses=record.belief.poses[:2], log_weights=np.log([0.5, 0.5]))
+    rows = TableRows()
+    rows.add(moment(record), replace(record, belief=belief))
+    assert (rows.table().particles[0], rows.table().ess_share[0]) == (2, pytest.approx(1.0))
