@@ -5,6 +5,7 @@
 | `replay` | replays a session once: scores, and where asked a Rerun recording and a saved run |
 | `compare` | replays two to four runs side by side and compares their scores |
 | `drive` | drives the simulated robot by keys, while a filter follows and is drawn |
+| `Live` | a filter that is fed frame by frame, and draws into your own Rerun stream |
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
 | `diagnose` | why a filter was lost: one cause for each time |
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from .app.library import build_library as build_library
     from .app.library import tune as tune
     from .app.library_check import check_library as check_library
+    from .app.live import Live as Live
     from .app.remedies import remedies as remedies
     from .app.replay import replay as replay
     from .app.snapshot import movie as movie

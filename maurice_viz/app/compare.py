@@ -62,8 +62,8 @@ def compare(
         >>> [run.label for run in scores.runs]
         ['color', 'blended']
     """
-    is_one = not isinstance(session, Sequence) or isinstance(session, str)
-    sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
+    several = isinstance(session, (list, tuple))
+    sources: list[AnySource] = list(session) if several else [session]  # type: ignore[list-item,arg-type]  # told apart
     asked = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
     specs = [filter_of(each) for each in asked]
     named = sources[0] if len(sources) == 1 else SEVERAL
@@ -165,8 +165,11 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    reading, (spec,) = read_as_amcl(sources[0], reading, [spec], listener)
-    sessions = [opening.open_session(source, reading, listener) for source in sources]
+    recorded = [source for source in sources if isinstance(source, (str, Path, RecordedSession))]
+    if len(recorded) < len(sources):
+        raise OptionError("a session of your own is compared with several filters, not beside others")
+    reading, (spec,) = read_as_amcl(recorded[0], reading, [spec], listener)
+    sessions = [opening.open_session(source, reading, listener) for source in recorded]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)
     names = names_of([path.with_suffix("") for path in paths])

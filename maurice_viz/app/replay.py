@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import check_run_target, is_saved
-from maurice_mcl.values import Library
+from maurice_mcl.values import NO_PICTURE, Library, Moment, Session, SessionInfo, expect_frame
 
 from ..errors import SILENT, Listener, OptionError
 from ..layouts import RECORDED_LAYOUT_NAMES
 from ..playback import FilterRun, run_together, shared
 from ..running import open as opening
-from ..running.filters import AnyFilter, Filter, filter_of, read_as_amcl, words_of
+from ..running.filters import AnyFilter, AnySource, Filter, filter_of, read_as_amcl, words_of
 from ..running.live import LiveOptions, follow_source
 from ..running.output import Output, output_of, show_recording, window_ahead
-from ..running.run import Playback, Report, RunScores, play, remark
+from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.saving import Inputs, filters_to_save, saving
 from ..scene import RunView, Scene
 
 
 def replay(
-    session: str | Path | RecordedSession,
+    session: AnySource,
     library: str | Path | Library | None = None,
     filter: AnyFilter = None,  # noqa: A002
     *,
@@ -41,8 +42,8 @@ def replay(
     """Replay a session once and return its scores.
 
     `session` is the path of a session log, of a recording of any format or of a saved run, a live source
-    (`live` says how it is listened to), or a session that `maurice_loaders.open_session` opened. `library` is
-    a library, its folder or a survey log; None: the one that the session's header names. `filter` is a
+    (`live` says how it is listened to), a session that `open_session` opened, or one of your own. `library`
+    is a library, its folder or a survey log; None: the one that the session's header names. `filter` is a
     `Filter`, or the name of a preset or feature. `reading` says how a recording is read. With `as_recorded`
     the particles of a localizer in a bag are shown and scored, and no filter runs. `to` is the Rerun
     recording (.rrd) to write, `save_run` the folder to save every step to; what exists is an error unless
@@ -63,7 +64,7 @@ def replay(
 
 
 def _replayed(
-    session: str | Path | RecordedSession,
+    session: AnySource,
     library: str | Path | Library | None,
     spec: Filter,
     output: Output,
@@ -111,7 +112,7 @@ def _replayed(
 
 
 def replay_source(
-    session: str | Path | RecordedSession,
+    session: AnySource,
     library: str | Path | Library | None,
     specs: Sequence[Filter],
     output: Output,
@@ -126,6 +127,8 @@ def replay_source(
 
     `alone` where no run may be enough. InputError, OptionError.
     """
+    if not isinstance(session, (str, Path, RecordedSession)):
+        return _replay_own(session, library, specs, output, listener, report)
     if isinstance(session, (str, Path)) and live.listens(session):
         if isinstance(library, Library):
             raise OptionError("a live source needs the path of its library, found an opened one")
@@ -178,6 +181,62 @@ def replay_session(
         inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
         savers = saving(filters_to_save(runs, inputs), output)
         return play(playback, output.named(words_of(specs)), listener, savers, report)
+
+
+@dataclass(frozen=True)
+class _OwnSession:
+    """A session of the caller's own, by a path for messages."""
+
+    own: Session
+    path: Path
+
+    @property
+    def info(self) -> SessionInfo:
+        """The header."""
+        return self.own.info
+
+    def moments(self) -> Iterator[Moment]:
+        """Yield the moments, each of which is one that a filter can use. InputError."""
+        before = None
+        for moment in self.own.moments():
+            expect_frame(moment, before)
+            before = moment.frame
+            yield moment
+
+
+def _replay_own(
+    session: Session,
+    library: str | Path | Library | None,
+    specs: Sequence[Filter],
+    output: Output,
+    listener: Listener,
+    report: Report,
+) -> RunScores:
+    """Replay a session of the caller's own, which is on no disk. InputError, OptionError."""
+    if not hasattr(session, "info") or not hasattr(session, "moments"):
+        expected = "expected a path, or a session with `info` and `moments()`"
+        raise InputError(None, f"session: found {type(session).__name__}, {expected}")
+    place = session.info.survey if library is None else library
+    if place is None:
+        raise InputError(None, "found no library that goes with the session; name one with --library")
+    if output.folder is not None:
+        how = "write it with maurice_loaders.SessionWriter, and replay the log"
+        raise OptionError(f"--save-run: a saved run names its session's file, and this one has none; {how}")
+    own = _OwnSession(session, Path(session.info.name))
+    references = place if isinstance(place, Library) else opening.library_at(Path(place), listener)
+    first = next(own.moments(), None)
+    if first is None:
+        raise InputError(own.path, "holds no moment, so there is nothing to localize by")
+    runs = opening.make_runs(own, references, specs, listener)
+    has_pictures = first.frame.image is not NO_PICTURE
+    playback = Playback(
+        shared(run_together(runs, own.moments())),
+        0,
+        [RunView.of(run.label, run.localizer, run.start) for run in runs],
+        Scene(own.info, references, first.truth is not None, has_pictures=has_pictures),
+        lambda collector: remark_zeros(collector, listener),
+    )
+    return play(playback, output.named(words_of(specs)), listener, report=report)
 
 
 def playback_of_session(

@@ -21,7 +21,7 @@ from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.parameters import PRESETS, RULES, Configuration
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values import F64, expected_one_of
+from maurice_mcl.values import F64, Session, expected_one_of
 
 from ..errors import Listener, OptionError, once
 
@@ -29,7 +29,7 @@ MOST_SEED = 2**32 - 1
 COMMAND_LINE = "command line"  # the origin of settings in error messages
 
 
-AnySource = str | Path | RecordedSession
+AnySource = str | Path | RecordedSession | Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,7 +294,7 @@ def check_name(name: str | None, known: Iterable[str], what: str) -> None:
 
 
 def read_as_amcl(
-    source: AnySource, reading: Reading, specs: Sequence[Filter], listener: Listener
+    source: str | Path | RecordedSession, reading: Reading, specs: Sequence[Filter], listener: Listener
 ) -> tuple[Reading, list[Filter]]:
     """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
 
@@ -324,7 +324,7 @@ def read_as_amcl(
     return replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad), list(specs)
 
 
-def _names_read(source: AnySource, reading: Reading) -> tuple[str, ...]:
+def _names_read(source: str | Path | RecordedSession, reading: Reading) -> tuple[str, ...]:
     """Return topics and frames of a bag that is read, or those that are asked for of what is no bag."""
     path = source.path if isinstance(source, RecordedSession) else Path(source)
     if looks_like_bag(path):

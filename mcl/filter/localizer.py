@@ -32,7 +32,7 @@ from ..values.records import (
     StepRecord,
     effective_sample_size,
 )
-from ..values.session import Frame, Moment, Session
+from ..values.session import Frame, Moment, Session, expect_frame
 from .estimate import estimates
 from .motion import MotionModel, MotionOutliers, keep_in, motion_model
 from .proposal import (
@@ -249,7 +249,8 @@ def run(
     `start` is the pose (3,) to begin at (x_m, y_m, heading_rad), or None to spread the particles over all
     free space; by default it is the session header's, or None where the header has none. A localizer without
     a motion model takes the one that the header describes. Yields each moment with the record of its update.
-    Raises ValueError for bad motion parameters in the header, and for a map without free space to start in.
+    Raises ValueError for bad motion parameters in the header, and for a map without free space to start in;
+    InputError for a frame of another shape or kind, a number that is not finite, and a repeated step.
 
         >>> import maurice_mcl as mcl
         >>> steps = list(mcl.run(mcl.make_localizer(mcl.tiny_library(), particles=100), mcl.tiny_session()))
@@ -258,6 +259,9 @@ def run(
     """
     localizer = localizer.of_session(session)
     state = localizer.initialize(session.info.start if isinstance(start, str) else start)
+    before = None
     for moment in session.moments():
+        expect_frame(moment, before)
         state, record = localizer.step(state, moment.frame)
+        before = moment.frame
         yield moment, record

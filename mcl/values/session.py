@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..errors import InputError
 from .arrays import F64, U8
 from .laser import LaserScan
 from .map import Arena
@@ -139,3 +140,29 @@ class Session(Protocol):
     def moments(self) -> Iterator[Moment]:
         """Yield from the first picture, on every call; read lazily."""
         ...
+
+
+def expect_frame(moment: Moment, before: Frame | None) -> None:
+    """Raise InputError, in one line, for a moment that no filter can use after the frame `before` it."""
+    frame, image = moment.frame, moment.frame.image
+    is_array = isinstance(image, np.ndarray) and image.dtype == np.uint8
+    if not is_array or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        found = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise InputError(None, f"image: found {found}, expected uint8 (H, W, 3) RGB")
+    motions = frame.motions
+    if not isinstance(motions, np.ndarray) or motions.ndim != 2 or motions.shape[1] != 3:
+        found = str(motions.shape) if isinstance(motions, np.ndarray) else type(motions).__name__
+        raise InputError(None, f"motion: found {found}, expected (M, 3) forward_m, left_m, turn_rad")
+    if not np.isfinite(motions).all():
+        raise InputError(None, f"motion: found {motions.tolist()!r:.80}, expected finite numbers")
+    if moment.truth is not None and (np.shape(moment.truth) != (3,) or not np.isfinite(moment.truth).all()):
+        raise InputError(None, f"truth: found {moment.truth!r:.80}, expected three finite numbers")
+    for name, value in frame.readings.items():
+        if not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+            raise InputError(None, f"reading {name}: found {value!r:.60}, expected a finite number")
+    least = 1 if before is None else before.step + 1
+    if frame.step < least:
+        raise InputError(None, f"step: found {frame.step}, expected {least} or more")
+    least_s = -np.inf if before is None else before.time_s
+    if not np.isfinite(frame.time_s) or frame.time_s < least_s:
+        raise InputError(None, f"time_s: found {frame.time_s}, expected a finite time from {least_s:g} on")
