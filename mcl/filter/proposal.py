@@ -241,8 +241,8 @@ class Prediction:
         noise, poses = self.normals, self.before.poses
         if self.outliers.share > 0:
             noise = with_outliers(noise, self.outliers, *self.outlier_rngs())
-        for movement, drawn in enumerate(np.split(noise, len(self.frame.motions))):
-            poses = self.move(movement, poses, drawn)
+        for movement in range(len(self.frame.motions)):
+            poses = self.move(movement, poses, noise[movement * self.before.size :][: self.before.size])
         return Belief(poses, self.before.log_weights, self.before.origin)
 
     @cached_property
