@@ -52,6 +52,7 @@ class RunResult:
     against: str | None = None  # label of the run that it is compared with; None: the first or only one
     paired: ComparisonResult | None = None  # how it compares
     signal: SignalSummary | None = None  # whether it knew where it is, without truth; None: not known
+    table: RunTable | None = field(default=None, repr=False, compare=False)  # the run, update by update
 
 
 def run_together(
@@ -185,6 +186,6 @@ class ResultCollector:
         score = score_table(table, self._arena_m)
         per_s = score.updates / took_s if took_s > 0 else None
         signal = self._verdicts[label].signal.summary()
-        result = RunResult(label, score, per_s, verdict, table.radii, signal=signal)
+        result = RunResult(label, score, per_s, verdict, table.radii, signal=signal, table=table)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

@@ -6,10 +6,12 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import is_dataclass
 from functools import cache, wraps
 from importlib import import_module
 from inspect import getsource, isfunction, signature
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 MOST_CHARACTERS = 2000  # of a message
@@ -76,7 +78,21 @@ def public(value: Any) -> Any:
     So are all errors of the system, such as a path that is too long. Messages, which name options of the
     command line, name parameters here. Other values are returned unchanged.
     """
+    if isinstance(value, type) and is_dataclass(value):
+        _explain_fields(value)
     return _checked(value) if isfunction(value) else value
+
+
+@cache
+def _explain_fields(kind: type) -> None:
+    """Add the fields to a class's docstring, each with the comment beside it: `help` shows them so."""
+    lines = [match.groups() for match in _FIELD.finditer(getsource(kind)) if match[1][0] != "_"]
+    if lines and kind.__doc__:
+        told = "\n".join(f"    {name}: {kept}" for name, kept in lines)
+        kind.__doc__ = f"{kind.__doc__.rstrip()}\n\n    Fields:\n\n{indent(told, '    ')}\n    "
+
+
+_FIELD = re.compile(r"^    (\w+): [^\n#]*  # ([^\n]+)$", re.MULTILINE)
 
 
 @cache

@@ -173,6 +173,9 @@ class Reading:
 FIELDS: dict[str, Meaning] = {
     name: hint.__metadata__[0] for name, hint in get_type_hints(Reading, include_extras=True).items()
 }
+Reading.__doc__ = f"{Reading.__doc__}\n    Fields:\n\n" + "\n".join(
+    f"        {name}: {meaning.text}" for name, meaning in FIELDS.items()
+)
 CORRECTIONS = tuple(name for name, meaning in FIELDS.items() if meaning.group == "correction")
 
 

@@ -26,13 +26,18 @@ from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_
 from .writer import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SavedRun:
     """A saved run's folder; only its manifest and its configuration are read yet."""
 
     folder: Path
     manifest: RunManifest
     configuration: Configuration
+
+    def __repr__(self) -> str:
+        """Return what it is, in a line."""
+        how = f"{self.manifest.state}, {self.manifest.steps} steps"
+        return f"SavedRun({self.manifest.label!r} in {str(self.folder)!r}, {how})"
 
     def arena(self) -> Arena:
         """Read the map. Raises InputError if it is damaged."""

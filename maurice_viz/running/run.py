@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,8 @@ from .output import Output, drawing
 from .watch import Watch, write_rate
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from maurice_loaders.runs.writer import RunWriter
 
     from .observer import SceneObserver
@@ -66,7 +69,7 @@ class Playback:
         return {run.label for run in self.views if run.own_drive}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class RunScores:
     """The result of a replay or a comparison; lengths in meters, angles in radians, times in seconds.
 
@@ -82,6 +85,38 @@ class RunScores:
     notes: tuple[str, ...] = ()  # of the session: what its reader should know, such as synthetic odometry
     rrd: Path | None = None  # the Rerun recording that was written
     saved_run: Path | None = None  # the folder of the saved run, or runs
+
+    @property
+    def steps(self) -> pl.DataFrame:
+        """All runs as one polars frame: a row per run and update, with the columns of docs/python.md."""
+        import polars as pl  # a replay without it does without
+
+        tables = [(run.label, run.table) for run in self.runs if run.table is not None]
+        frames = [table.frame().insert_column(0, pl.lit(label).alias("label")) for label, table in tables]
+        return pl.concat(frames) if frames else pl.DataFrame()
+
+    @property
+    def text(self) -> str:
+        """What happened, in a sentence, and a line per run."""
+        from ..text.verdict import headline
+
+        scale = Scale(units_named(self.display_units))
+        told = headline({run.label: run.verdict for run in self.runs}, scale) if self.runs else "no run"
+        lines = [
+            f"{run.label}: {run.score.updates} updates, {scale.say(run.score.position_error_mean_m)} off"
+            if run.score.position_error_mean_m is not None
+            else f"{run.label}: {run.score.updates} updates, no truth"
+            for run in self.runs
+        ]
+        return "\n".join([f"{self.name}: {told}", *lines])
+
+    def __repr__(self) -> str:
+        """Return what happened, as short as a screen has room for."""
+        return f"RunScores of {self.text}"
+
+    def _repr_html_(self) -> str:
+        """Return what happened for a notebook."""
+        return "<br>".join(map(escape, self.text.splitlines()))
 
     @property
     def ended_lost(self) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ NO_OUTLIERS = MotionOutliers()
 BY_MOTION = MotionProposal()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Localizer:
     """The choices of one filter. The same choices, session and seed give the same records, bit for bit.
 
@@ -85,6 +85,10 @@ class Localizer:
     start_sd: tuple[float, float] = (0.0, 0.0)  # m along x and y, and rad, about the pose where all begin
     seed: int = 0
     radii: Radii = USUAL  # by which the cloud is summarized, and the run judged
+
+    def __repr__(self) -> str:
+        """Return what it is, in a line."""
+        return f"Localizer({self.particles} particles, {', '.join(self.sensor.names)}, seed {self.seed})"
 
     def of_session(self, session: Session) -> Localizer:
         """Return a localizer with the motion model of a session's header, if it has none."""

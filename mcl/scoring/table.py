@@ -29,7 +29,7 @@ UNKNOWN_POSE: F64 = np.full(3, np.nan)
 POSE, PLANE = ("x_m", "y_m", "heading_rad"), ("x_m", "y_m")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RunTable:
     """One run of U updates in numbers: meters, radians, seconds; NaN where something is not known.
 
@@ -70,6 +70,10 @@ class RunTable:
     knows: F64  # (U,) probability that it knows where it is, without truth (`lost_signal`)
     events: tuple[tuple[str, ...], ...]  # (U,) as in `StepRecord.events`
     states: tuple[str, ...]  # (U,) keys of `episodes.STATES`; "": not followed
+
+    def __repr__(self) -> str:
+        """Return how long it is."""
+        return f"RunTable({self.updates} updates, seed {self.seed})"
 
     @property
     def updates(self) -> int:

@@ -56,7 +56,7 @@ class Centered:
         return cls(middle, rows, np.einsum("ij,ij->i", rows, rows))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Library:
     """L reference pictures with their surveyed poses, and the map they were taken in.
 
@@ -77,6 +77,11 @@ class Library:
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
     camera: Camera | None = None  # what is known of the one that took the pictures
     keep: Keep = made_anew  # where tables are kept from one start to the next
+
+    def __repr__(self) -> str:
+        """Return what it holds, in a line."""
+        held = ", ".join([*self.index, *self.sensors]) or "a map"
+        return f"Library({self.name!r}, {self.size} references: {held})"
 
     @property
     def size(self) -> int:

@@ -265,7 +265,7 @@ class Estimate:
     radii: Radii = USUAL  # by which it was made, and is judged
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StepRecord:
     """One complete update; every set of weights is stored with the particles it belongs to.
 
@@ -293,6 +293,12 @@ class StepRecord:
     recovery_test: RecoveryTest | None = None  # None: the strategy compared nothing, or it is not known
     library_evidence: LibraryEvidence | None = None  # of the same picture; None: not known
     opinion: Opinion | None = None  # added beside the filter, which never reads it; None: not asked for
+
+    def __repr__(self) -> str:
+        """Return where it puts the robot, in a line."""
+        x_m, y_m, heading_rad = self.estimate.pose.tolist()
+        pose = f"({x_m:.3f} m, {y_m:.3f} m, {heading_rad:.3f} rad)"
+        return f"StepRecord(step {self.frame.step} at {pose}, confidence {self.estimate.confidence:.2f})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

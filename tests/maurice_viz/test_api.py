@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import maurice_loaders as ml
+import maurice_mcl
 import maurice_viz as mv
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
@@ -179,3 +180,27 @@ def test_commands_are_listed_as_they_are(name):
     most = 21 if name == "simulate" else 20
     # what only a live source has stands in a panel of its own; --web was an option that no help listed
     assert len([option for option in options if option.rich_help_panel != LIVE]) <= most  # type: ignore[attr-defined]
+
+
+def test_what_is_returned_fits_a_screen_and_help_lists_the_fields(small_session, tmp_path):
+    scores = mv.compare(small_session, filters=["color", "edges"], save_run=tmp_path / "kept")
+    assert scores.steps.height == 2 * scores.runs[0].score.updates
+    assert scores.steps["label"].unique(maintain_order=True).to_list() == ["color", "edges"]
+    assert mv.traces(tmp_path / "kept").columns == scores.steps.columns
+    library = mv.open_library(mv.open_session(small_session).info.survey)
+    localizer = maurice_mcl.make_localizer(library, particles=50)
+    _, record = next(maurice_mcl.run(localizer, mv.open_session(small_session)))
+    saved = mv.open_run(tmp_path / "kept" / "color")
+    for value in (library, localizer, record, scores.runs[0].table, saved):
+        assert len(repr(value)) < 300
+    assert len(repr(scores)) < 600
+    assert "color: 14 updates" in repr(scores)
+    assert "<br>" in scores._repr_html_()
+    for kind, field in (
+        (mv.Filter, "particles: 2000"),
+        (mv.Output, "layout: the one that is open"),
+        (mv.Reading, "camera: Camera whose"),
+        (mv.Demands, "max_error_m: mean"),
+        (mv.LiveOptions, "follow: the source"),
+    ):
+        assert field in (kind.__doc__ or "")
