@@ -157,7 +157,6 @@ def _worth(channels: Iterable[str]) -> tuple[str, ...]:
     return names if set(names) - CHEAP else ()
 
 
-@cache
 def channel_checksum(name: str) -> bytes:
     """Return a checksum of all that a channel's descriptors depend on, but the picture."""
     channel = CHANNELS[name]

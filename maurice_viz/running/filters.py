@@ -55,6 +55,7 @@ class Filter:
     config: str | Path | None = None  # a configuration file, or AMCL's parameters as YAML
     settings: Mapping[str, Any] = field(default_factory=dict)  # by key of docs/configuration.md
     sensors: Sequence[Any] = ()  # pose sensors beside the library's: objects, or names, "module:Class"
+    channels: Sequence[Any] = ()  # picture channels of your own: objects with `name` and `describe(image)`
     resampler: Any = None  # a name, or a function (weights (N,), n, rng) -> parents (n,)
     recovery: Any = None  # a name, or a function (evidence in nats, RecoveryState) -> Recovery
     motion: Any = None  # a table or file of motion parameters, or an object with `move(poses, motion, noise)`
@@ -69,7 +70,12 @@ class Filter:
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or not 0 <= self.seed <= MOST_SEED:
             raise OptionError(f"seed: found {self.seed!r}, expected a whole number from 0 to {MOST_SEED}")
         file = None if self.config is None else Path(self.config)
-        self._become(config=file, start=_comparable(self.start), sensors=tuple(self.sensors))
+        self._become(
+            config=file,
+            start=_comparable(self.start),
+            sensors=tuple(self.sensors),
+            channels=tuple(self.channels),
+        )
 
     def _become(self, **values: Any) -> None:
         for name, value in values.items():
@@ -80,7 +86,12 @@ class Filter:
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         asked = {name: value for name, value in given.items() if value not in (None, (), {}, "", 0)}
         words = [repr(asked.pop("preset"))] if self.preset else []
-        parts = {"sensors": self.sensors, "resampler": self.resampler, "recovery": self.recovery}
+        parts = {
+            "sensors": self.sensors,
+            "channels": self.channels,
+            "resampler": self.resampler,
+            "recovery": self.recovery,
+        }
         parts |= {"motion": None if isinstance(self.motion, Mapping) else self.motion}
         told = {name: word_of(value) if parts.get(name) else repr(value) for name, value in asked.items()}
         return f"Filter({', '.join([*words, *(f'{name}={value}' for name, value in told.items())])})"
@@ -100,6 +111,7 @@ class Filter:
     def label(self) -> str:
         """The run's name, after what distinguishes it."""
         parts = [part for part in (self.preset, self.feature) if part]
+        parts = parts or ([] if self.config else list(map(word_of, self.channels)))
         return self.name or "-".join(parts) or (Path(self.config).stem if self.config else "blended")
 
     @property
@@ -127,6 +139,7 @@ class Filter:
         """The settings by key that name parts of the filter."""
         values = {
             "sensor.outside": self.sensors or None,
+            "sensor.channels": self.channels or None,
             "resampling.scheme": self.resampler,
             "recovery.strategy": self.recovery,
             "motion": self.motion,
@@ -152,6 +165,7 @@ FIELDS_BY_KEY = {
     "sensor.weights": "--feature",
     "particles": "--particles",
     "sensor.outside": "--sensor",
+    "sensor.channels": "channels=",
     "resampling.scheme": "resampler=",
     "recovery.strategy": "recovery=",
     "motion": "motion=",
@@ -210,7 +224,11 @@ def words_of(specs: Sequence[Filter]) -> list[str]:
     words = [spec.name or None, spec.preset, spec.feature, *files, start]
     words += [f"{name} {value}" for name, value in numbers.items() if value is not None]
     words += [f"{key} {word_of(value)}" for key, value in spec.settings.items() if key != "motion"]
-    words += [word_of(part) for part in (*spec.sensors, spec.resampler, spec.recovery) if part is not None]
+    words += [
+        word_of(part)
+        for part in (*spec.sensors, *spec.channels, spec.resampler, spec.recovery)
+        if part is not None
+    ]
     return [word for word in words if word]
 
 
@@ -244,12 +262,13 @@ def told_apart(filters: Sequence[Filter]) -> list[Filter]:
     for kind, different in values.items():
         if any(value != different[0] for value in different):
             for name, word in zip(words, _words_of(kind, different, filters), strict=True):
-                name.append(word)
+                name.append("" if word in name else word)
         if len(set(map(tuple, words))) == len(filters):
             break
+    names = [" ".join(filter(None, name)) for name in words]
     return [
-        chosen if chosen.name or not name else replace(chosen, name=" ".join(name))
-        for chosen, name in zip(filters, words, strict=True)
+        chosen if chosen.name or not name else replace(chosen, name=name)
+        for chosen, name in zip(filters, names, strict=True)
     ]
 
 
@@ -265,8 +284,7 @@ def _words_of(kind: str, values: Sequence[Any], filters: Sequence[Filter]) -> li
         words = [value if isinstance(value, str) else f"start {n}" for n, value in enumerate(values, 1)]
     else:
         words = list(map(word_of, values))
-    named = zip(filters, values, words, strict=True)
-    return [chosen.label if value is None else word for chosen, value, word in named]
+    return ["" if value is None else word for value, word in zip(values, words, strict=True)]
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

@@ -27,6 +27,7 @@ from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.drive_score import DrivePicture
+from maurice_mcl.sensor.descriptors.registry import give_channels
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.outside import load_sensor
 from maurice_mcl.sensor.references import NearestReference
@@ -302,11 +303,35 @@ def _at_edge(start: F64, library: Library) -> F64:
     return np.array([*inside, start[2]]) if np.abs(inside - start[:2]).max() <= EDGE_M else start
 
 
+def with_channels(
+    configurations: Sequence[Configuration], library: Library, listener: Listener = SILENT
+) -> Library:
+    """Return a library that is measured by the users' own channels that filters compare by. InputError."""
+    sensors = [configuration.parameters.sensor for configuration in configurations]
+    parts = dict.fromkeys(part for sensor in sensors for part in sensor.channels)
+    if not parts:
+        return library
+    from maurice_loaders.libraries.own_channels import with_own_channels
+
+    try:
+        give_channels(parts)
+    except ValueError as problem:
+        raise InputError(None, str(problem)) from None
+    return with_own_channels(
+        library, dict.fromkeys(chain(*(sensor.weights for sensor in sensors))), listener.progress
+    )
+
+
 def landmarked(
     configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
 ) -> list[Library]:
-    """Return the library of each run: with landmarks where it weighs particles by them."""
-    asks = [LANDMARKS in configuration.parameters.sensor.weights for configuration in configurations]
+    """Return the library of each run: with landmarks and one's own channels, where it is compared by them.
+
+    InputError for channels of one name that are not the same.
+    """
+    library = with_channels(configurations, library, listener)
+    sensors = [configuration.parameters.sensor for configuration in configurations]
+    asks = [LANDMARKS in sensor.weights for sensor in sensors]
     if not any(asks):
         return [library] * len(asks)
     from maurice_loaders.libraries.landmarks import with_landmarks

@@ -32,7 +32,7 @@ from maurice_mcl.values import Library, Moment, Session, SessionInfo, StepRecord
 from ..errors import SILENT, Listener, progress_of
 from ..playback import ResultCollector, shared
 from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
-from .open import landmarked
+from .open import landmarked, with_channels
 from .recorded import RecordedFrames, open_recorded, scene_of_recorded
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
@@ -85,6 +85,7 @@ def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
     path = unchanged(run.manifest.library, run.folder, "library")
     advance = progress_of(listener, "library")
     library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
+    library = with_channels([run.configuration], library, listener)
     missing = [name for name in run.manifest.channels if name not in library.index]
     if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
         what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"

@@ -16,8 +16,8 @@ from ..filter.motion import motion_model
 from ..filter.proposal import MixtureProposal, MotionProposal, Proposal, Regions, regions
 from ..filter.recovery import RecoveryStep, strategy_of
 from ..filter.resampling import POLICIES, Resampling, resampler_of
-from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
-from ..sensor.descriptors.registry import weights_of
+from ..library.left_out import LeftOutTable, PlaceScore, fitted_scale, is_sparse, score_places
+from ..sensor.descriptors.registry import CHANNELS, OwnChannel, give_channels, weights_of
 from ..sensor.laser.sensor import LASER, laser_of
 from ..sensor.map_places import reference_of
 from ..sensor.model import SensorModel, SensorParameters
@@ -184,6 +184,7 @@ def build_localizer(
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
+    give_channels(p.sensor.channels)
     library = equipped(library, p.sensor)
     arena = library.arena.trusted(p.map.obstacles)
     shared = reference if arena is library.arena else None
@@ -227,6 +228,7 @@ def adapted(
     That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
+    configuration = _own_scaled(configuration, library, nearest)
     sensor = configuration.parameters.sensor
     library = equipped(library, sensor)
     model = SensorModel(library, nearest, sensor)
@@ -235,23 +237,46 @@ def adapted(
     table = LeftOutTable.of(model)
     scored = score_places(table, fit=is_sparse(nearest))
     origins = {setting.key: setting.origin for setting in configuration.settings}
-    chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
+    given = [origins[key] for key in ("sensor.widening", "sensor.scales")]
+    chosen = any(origin not in ("default", OWN_SCALES) for origin in given)
     ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     if chosen or not ours or (scored.widening == 1 and not scored.stretched):
         return configuration, replace(scored, widening=1.0, stretched={})
     changed: dict[str, Any] = {"sensor.widening": scored.widening}
     if scored.stretched:
         scales = {name: sensor.scale_of(name) * factor for name, factor in scored.stretched.items()}
-        score = score_places(replace(table, sensor=replace(model, parameters=replace(sensor, scales=scales))))
+        fitted = replace(sensor, scales={**sensor.scales, **scales})
+        score = score_places(replace(table, sensor=replace(model, parameters=fitted)))
         scored = replace(score, stretched=scored.stretched)
         factors = {name: scored.widening * factor for name, factor in scored.stretched.items()}
         scales = {name: sensor.scale_of(name) * factor for name, factor in factors.items()}
+        scales = {**sensor.scales, **scales}
         changed = {"sensor.widening": scored.widening, "sensor.scales": scales}
     changes = {key: Setting(key, value, f"library {library.name}") for key, value in changed.items()}
     settings = tuple(changes.get(setting.key, setting) for setting in configuration.settings)
     widened = replace(sensor, widening=scored.widening, scales=changed.get("sensor.scales", sensor.scales))
     parameters = replace(configuration.parameters, sensor=widened)
     return replace(configuration, parameters=parameters, settings=settings), scored
+
+
+OWN_SCALES = "the library's places"  # origin of the scales of one's own channels
+
+
+def _own_scaled(configuration: Configuration, library: Library, nearest: NearestReference) -> Configuration:
+    """Give channels of one's own that have no scale one that is fitted to the library's own pictures."""
+    sensor = configuration.parameters.sensor
+    own = [name for name in sensor.weights if isinstance(CHANNELS.get(name), OwnChannel)]
+    scales = dict(sensor.scales)
+    for name in own:
+        if name not in scales and name in library.index:
+            alone = replace(sensor, weights={name: 1.0}, blend="calibrated", scales={}, widening=1.0)
+            scales[name] = fitted_scale(LeftOutTable.of(SensorModel(library, nearest, alone)))
+    if scales == dict(sensor.scales):
+        return configuration
+    setting = Setting("sensor.scales", scales, OWN_SCALES)
+    settings = tuple(setting if each.key == setting.key else each for each in configuration.settings)
+    parameters = replace(configuration.parameters, sensor=replace(sensor, scales=scales))
+    return replace(configuration, parameters=parameters, settings=settings)
 
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:

@@ -17,7 +17,7 @@ from ..filter.following import GuidedMotionParameters
 from ..filter.motion import MotionOutliers, motion_settings
 from ..filter.recovery import STRATEGIES, RecoveryParameters
 from ..filter.resampling import POLICIES, RESAMPLERS, KldParameters
-from ..sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from ..sensor.descriptors.registry import CHANNELS, FEATURES, give_channels, weights_of
 from ..sensor.distances import DISTANCES
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
@@ -34,12 +34,10 @@ from ..values.setting_rules import SHARE, Rule, choice, number, rules_of, truth,
 
 
 def channels(inner: Rule) -> Rule:
-    """Take a table from channel to something; as text: "color=1,edges=0.5"."""
+    """Take a table from channel to something; as text: "color=1,edges=0.5"; `configure` checks the names."""
 
     def rule(key: str, value: Any) -> Mapping[str, Any]:
         given = _table(key, value)
-        for name in given:
-            check_channel(key, name)
         return {name: inner(f"{key}.{name}", entry) for name, entry in given.items()}
 
     return rule
@@ -299,11 +297,16 @@ def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> 
     if sensors is not None:
         outside, weights = settings["sensor.outside"], settings["sensor.weights"]
         names = [load_sensor(spelled).name for spelled in outside.value]
-        for name in weights.value:
-            _in_layer(weights.origin, check_channel, weights.key, name, (*sensors, *names))
+        names += give_channels(settings["sensor.channels"].value)
+        for key in ("sensor.weights", "sensor.distances", "sensor.scales"):
+            for name in settings[key].value:
+                origin = settings[key].origin
+                _in_layer(origin, check_channel, key, name, (*sensors, *names) if key == weights.key else ())
         if names:
             added = {name: 1.0 for name in names if name not in weights.value}
-            settings["sensor.weights"] = replace(weights, value={**weights.value, **added})
+            is_alone = bool(settings["sensor.channels"].value) and weights.origin == "default"
+            kept = {} if is_alone else weights.value
+            settings["sensor.weights"] = replace(weights, value={**kept, **added})
     values = {key: setting.value for key, setting in settings.items()}
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
         least, most = values["resampling.kld.least"], values["resampling.kld.most"]

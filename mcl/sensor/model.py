@@ -20,7 +20,7 @@ from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Se
 from ..values.records import Comparison, Sighting
 from ..values.session import Frame
 from ..values.setting_rules import choice, number
-from .descriptors.registry import CHANNELS, SCALES, reduced
+from .descriptors.registry import CHANNELS, SCALES, channel_names, reduced
 from .distances import DISTANCES
 from .laser.parameters import LaserParameters
 from .outside import sensor_names
@@ -105,6 +105,7 @@ class SensorParameters:
     outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
     # sensors of other packages: names of entry points, or module:Class
     outside: Annotated[tuple[str, ...], sensor_names] = ()
+    channels: Annotated[tuple[str, ...], channel_names] = ()  # of one's own: objects, or module:name
     laser: LaserParameters = field(default_factory=LaserParameters)
 
     def distance_of(self, channel: str) -> str:

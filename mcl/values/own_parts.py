@@ -63,6 +63,9 @@ def own_part(what: str, name: str) -> Any:
     spelled, _, digest = name.partition("@")
     part = _imported(what, spelled)
     now = name_of(part)
+    if digest and now != name and isinstance(part, type):
+        part = made(what, part)  # it may have been given as an object
+        now = name_of(part)
     if digest and now != name:
         found = f"found the source {now.partition('@')[2]}, expected {digest}"
         advice = "it was changed, or made with other values: restore it, or make it in the script that asks"

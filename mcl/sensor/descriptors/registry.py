@@ -15,7 +15,8 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from ...values import F32, U8
+from ...errors import InputError
+from ...values import F32, U8, called, made, name_of, own_part, texts
 from ..distances import DISTANCES
 from .chromaticity import Chromaticity
 from .color_grid import ColorGrid
@@ -143,8 +144,64 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
 
 
 LOADED = load_channels(entry_points(group=GROUP))
-CHANNELS: Mapping[str, Channel] = LOADED.channels
+CHANNELS: dict[str, Channel] = dict(LOADED.channels)  # and those of users, once a filter asks for them
 BROKEN: tuple[str, ...] = LOADED.broken  # messages for people
+
+
+# Channels of one's own: objects of a user's script, or `module:name`, which no package provides.
+
+
+class OwnChannel:
+    """A channel of the user's: what it raises or gives wrongly is an InputError of one line."""
+
+    def __init__(self, part: str, channel: Any) -> None:
+        """Take the channel, and the name of the part. ValueError for what is no channel."""
+        self.part = part
+        self.name: str = getattr(channel, "name", "")
+        self.distance: str = getattr(channel, "distance", "l1")
+        self.unit: str = getattr(channel, "unit", "its own unit")
+        if not callable(getattr(channel, "describe", None)):
+            raise ValueError(
+                f"channel {part}: has no describe(image); a channel has name, distance and describe"
+            )
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name) or self.name in LOADED.channels:
+            expected = "expected a lower-case word like cells that no channel has"
+            raise ValueError(f"channel {part}: its name is {self.name!r}, {expected}")
+        if self.distance not in DISTANCES:
+            known = ", ".join(DISTANCES)
+            raise ValueError(f"channel {part}: its distance is {self.distance!r}, expected one of {known}")
+        self._describe = channel.describe
+
+    def describe(self, image: U8) -> F32:
+        """Return (D,) float32 of a picture (H, W, 3) RGB. InputError for other numbers."""
+        descriptor = np.asarray(called(f"channel {self.part}", self._describe, image), np.float32)
+        if descriptor.ndim != 1 or not (np.isfinite(descriptor).all() and (descriptor >= 0).all()):
+            expected = "expected finite numbers of one dimension, none below 0"
+            raise InputError(None, f"channel {self.part}: found {descriptor.shape}, {expected}")
+        return descriptor
+
+    def parameters(self) -> dict[str, Any]:
+        """Return what its descriptors depend on: its source."""
+        return {"part": self.part}
+
+
+def channel_names(key: str, value: Any) -> tuple[str, ...]:
+    """Take a list of channels of one's own: objects, or names, `module:name`; each gets one with a hash."""
+    parts = value if isinstance(value, (list, tuple)) else texts(key, value)
+    typed = [isinstance(part, str) and "@" not in part for part in parts]
+    parts = [own_part("channel", part) if name else part for part, name in zip(parts, typed, strict=True)]
+    return tuple(dict.fromkeys(part if isinstance(part, str) else name_of(part) for part in parts))
+
+
+def give_channels(parts: Iterable[str]) -> tuple[str, ...]:
+    """Make channels of one's own known by their names, and return these. ValueError for what is none."""
+    channels = [OwnChannel(part, made("channel", own_part("channel", part))) for part in parts]
+    names = tuple(channel.name for channel in channels)
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"channels: found two called {twice!r}; give them names of their own")
+    CHANNELS.update({channel.name: channel for channel in channels})
+    return names
 
 
 # Features: which channels, with which weights, and the measured scale of each channel's distance.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import itertools
 import sys
 from dataclasses import replace
 
@@ -12,6 +14,7 @@ import maurice_viz as mv
 from helpers.commands import process
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders import InputError, open_run
+from maurice_mcl.examples import tiny_library, tiny_session
 from maurice_mcl.values.own_parts import name_of
 
 SOURCE = """
@@ -32,7 +35,17 @@ class Straight:
         way = motion.forward_m + 0.01 * noise[:, 0]
         x, y = poses[:, 0] + way * np.cos(poses[:, 2]), poses[:, 1] + way * np.sin(poses[:, 2])
         return np.column_stack([x, y, poses[:, 2] + motion.turn_rad + 0.02 * noise[:, 1]])
+
+class Rows:
+    name = "rows"
+
+    def __init__(self, count=6):
+        self.count = count
+
+    def describe(self, image):
+        return image.mean(axis=(1, 2))[:: len(image) // self.count][: self.count]
 """
+counter = itertools.count(1)
 BY_NAME = {"resampler": "first_come", "recovery": "EveryThird", "motion": "Straight"}
 
 
@@ -183,3 +196,54 @@ def test_filters_are_named_by_what_tells_them_apart(drive):
     assert labels(few.set(seed=1), few.set(seed=2)) == ["seed 1", "seed 2"]
     assert labels(few.set(preset="thesis"), few.set(preset="robust")) == ["thesis", "robust"]
     assert labels(few, few.set(sharpness=2)) == ["blended", "2"]
+
+
+def test_a_channel_of_ones_own_is_measured_scaled_saved_verified_and_compared(drive, module, tmp_path):
+    rows = importlib.import_module(module).Rows
+    alone, beside = mv.Filter(channels=[rows()]), mv.Filter("color", channels=[rows()])
+    scores = mv.compare(drive, filters=[mv.Filter("color"), alone, beside], save_run=tmp_path / "kept")
+    assert [run.label for run in scores.runs] == ["color", "Rows", "color Rows"]
+    saved = open_run(tmp_path / "kept" / "Rows").configuration.values()
+    assert saved["sensor.weights"] == {"rows": 1.0}
+    assert 0 < saved["sensor.scales"]["rows"] < 100
+    both = open_run(tmp_path / "kept" / "color Rows").configuration.values()
+    assert both["sensor.weights"] == {"color": 1.0, "rows": 1.0}
+    assert all(verdict.same for verdict in mv.verify(tmp_path / "kept"))
+    found = process("verify", tmp_path / "kept" / "Rows", PYTHONPATH=str(tmp_path))
+    assert "the same, all 14 steps" in found.stdout
+    other = alone.set(channels=[rows(4)])
+    with pytest.raises(InputError, match="found two called 'rows'; give them names of their own"):
+        mv.compare(drive, filters=[alone, other])
+    changed = mv.replay(drive, filter=other).runs[0].score  # one after the other is no conflict
+    assert changed != scores.runs[1].score
+    assert mv.replay(drive, filter=alone).runs[0].score == scores.runs[1].score
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"name": "color"}, "its name is 'color', expected a lower-case word"),
+        ({"distance": "far"}, "its distance is 'far', expected one of"),
+        ({"describe": None}, r"has no describe\(image\)"),
+        ({"describe": lambda self, image: image}, "expected finite numbers of one dimension"),
+        ({"describe": lambda self, image: np.array([-1.0])}, "none below 0"),
+        ({"describe": lambda self, image: 1 / 0}, "raised ZeroDivisionError"),
+        ({"describe": lambda self, image: np.ones(next(counter))}, "expected as many for each picture"),
+    ],
+)
+def test_what_is_no_channel_is_one_line(drive, changes, said):
+    members = {"name": "odd", "distance": "l1", "describe": lambda self, image: np.ones(2)} | changes
+    with pytest.raises(InputError, match=said) as caught:
+        mv.replay(drive, filter=mv.Filter(channels=[type("Odd", (), members)()]))
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_library_without_pictures_has_no_channel_of_ones_own():
+    class Odd:
+        name = "odd"
+
+        def describe(self, image):
+            return np.ones(2)
+
+    with pytest.raises(InputError, match="keeps no pictures, which odd has to measure"):
+        mv.replay(tiny_session(), tiny_library(), mv.Filter(channels=[Odd()]))
