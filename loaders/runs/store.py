@@ -48,6 +48,30 @@ class SavedRun:
         except (OSError, ValueError) as problem:
             raise InputError(file, f"is no map ({problem}); is the run damaged?") from None
 
+    @property
+    def cloud(self) -> pl.LazyFrame:
+        """All particles, one row per step, phase and particle, in the map's frame; read when it is collected.
+
+        Columns: step, phase ("weighted", or "resampled" where the run resampled), index, x_m, y_m,
+        heading_rad, weight, parent (its index in the weighted cloud, -1: fresh; null of the weighted), fresh,
+        truth_x_m, truth_y_m, truth_heading_rad (null where not known).
+        """
+        origin_x_m, origin_y_m = self.manifest.origin_m
+        place = [pl.col("x_m").cast(pl.Float64) + origin_x_m, pl.col("y_m").cast(pl.Float64) + origin_y_m]
+        pose = [pl.col("step"), pl.col("index"), *place, pl.col("heading_rad").cast(pl.Float64)]
+        weight = pl.col("log_weight").exp().alias("weight")
+        own = pl.col("parent"), pl.col("injected").alias("fresh")
+        none = pl.lit(None, pl.Int32).alias("parent"), pl.lit(False).alias("fresh")
+        weighted = self._parts("particles").select(*pose, weight, *none, pl.lit("weighted").alias("phase"))
+        resampled = self._parts("renewed").select(*pose, weight, *own, pl.lit("resampled").alias("phase"))
+        truth = self._parts("steps").select("step", "truth_x_m", "truth_y_m", "truth_heading_rad")
+        clouds = pl.concat([weighted, resampled]).join(truth, on="step", how="left", maintain_order="left")
+        columns = ["step", "phase", "index", "x_m", "y_m", "heading_rad", "weight", "parent", "fresh"]
+        return clouds.select(*columns, "truth_x_m", "truth_y_m", "truth_heading_rad")
+
+    def _parts(self, kind: str) -> pl.LazyFrame:
+        return pl.scan_parquet(sorted((self.folder / kind).glob("*.parquet")))
+
     def steps(self) -> Iterator[StepRows]:
         """Read update after update from the first. InputError if a part is missing or damaged."""
         number, last_s = 0, -math.inf
@@ -112,7 +136,7 @@ def open_run(folder: str | Path) -> SavedRun:
         configuration = configure([layer], sensors=None)
     except ValueError as problem:  # a channel that is not installed here, a key of another version
         raise InputError(file, f"{problem}; was it made by another version?") from None
-    settings = [setting for setting in configuration.settings if setting.value is not None]
+    settings = [setting for setting in configuration.settings if setting.value not in (None, ())]
     missing = [setting.key for setting in settings if setting.key not in layer.values]
     if missing:  # what the filter ran with is not known
         fault = f"found no {missing[0]}, so it was saved by an earlier version"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import numpy as np
+import polars as pl
 import pytest
 from typer.testing import CliRunner
 
@@ -204,3 +205,35 @@ def test_what_is_returned_fits_a_screen_and_help_lists_the_fields(small_session,
         (mv.LiveOptions, "follow: the source"),
     ):
         assert field in (kind.__doc__ or "")
+
+
+def test_the_clouds_of_a_saved_run_are_one_lazy_frame_in_the_maps_frame(small_session, tmp_path):
+    mv.replay(small_session, filter=mv.Filter(particles=40, seed=2), save_run=tmp_path / "kept")
+    run = mv.open_run(tmp_path / "kept")
+    session = mv.open_session(small_session)
+    localizer = maurice_mcl.make_localizer(
+        mv.open_library(session.info.survey), particles=40, seed=2
+    ).of_session(session)
+    cloud = run.cloud.collect()
+    for moment, record in maurice_mcl.run(localizer, session):
+        step = cloud.filter(pl.col("step") == moment.frame.step)
+        weighted = step.filter(phase="weighted")
+        places = record.weighted.poses.astype(float) + np.append(record.weighted.origin, 0.0)
+        assert np.allclose(weighted.select("x_m", "y_m", "heading_rad").to_numpy(), places, atol=1e-6)
+        assert np.allclose(weighted["weight"].to_numpy(), record.weighted.weights)
+        assert np.allclose(weighted.select("truth_x_m", "truth_y_m").row(0), moment.truth[:2])
+        resampled = step.filter(phase="resampled")
+        assert resampled["parent"].to_list() == record.parents.tolist()
+        assert not resampled["fresh"].any()
+
+
+def test_a_run_of_before_there_were_channels_of_ones_own_opens(small_session, tmp_path):
+    mv.replay(small_session, filter=mv.Filter(particles=40), save_run=tmp_path / "kept")
+    settings, manifest = tmp_path / "kept" / "configuration.toml", tmp_path / "kept" / "manifest.json"
+    before = settings.read_bytes()
+    after = before.replace(b"channels = []\n", b"")
+    assert after != before
+    settings.write_bytes(after)
+    hashes = (sha256(text).hexdigest() for text in (before, after))
+    manifest.write_text(manifest.read_text().replace(*hashes))
+    assert mv.verify(tmp_path / "kept")[0].same
