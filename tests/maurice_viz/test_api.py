@@ -7,6 +7,7 @@ import json
 import pkgutil
 import subprocess
 import sys
+from hashlib import sha256
 
 import numpy as np
 import polars as pl
