@@ -11,6 +11,7 @@ import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from statistics import NormalDist
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from ..filter.following import GuidedMotionParameters
@@ -235,7 +236,7 @@ AMCL: Mapping[str, Any] = {
     "recovery.draw": "evenly",
     "guided_motion.share": 0.0,  # it follows no scan matcher
 }
-PRESETS = {**PRESETS, "laser": LASER, "amcl": AMCL}
+PRESETS = MappingProxyType({**PRESETS, "laser": LASER, "amcl": AMCL})  # nobody overwrites one in secret
 
 
 # Layers: defaults, preset, file, environment, command line; later ones override earlier ones.

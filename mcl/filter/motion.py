@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -385,15 +386,22 @@ def motion_settings(key: str, value: Any) -> Mapping[str, Any]:
 
 
 # by name: what reads the object under robot.motion of a header, and what makes a model of it over a map
-MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = {
-    "maurice": (partial(from_header, MauriceParameters), MauriceMotion),
-    "odometry": (partial(from_header, OdometryParameters), lambda constants, grid: OdometryMotion(constants)),
-    "omni": (partial(from_header, OmniParameters), lambda constants, grid: OmniMotion(constants)),
-    "pictures": (
-        partial(from_header, PictureMotionParameters),
-        lambda constants, grid: PictureMotion(constants),
-    ),
-}
+MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = (
+    MappingProxyType(
+        {
+            "maurice": (partial(from_header, MauriceParameters), MauriceMotion),
+            "odometry": (
+                partial(from_header, OdometryParameters),
+                lambda constants, grid: OdometryMotion(constants),
+            ),
+            "omni": (partial(from_header, OmniParameters), lambda constants, grid: OmniMotion(constants)),
+            "pictures": (
+                partial(from_header, PictureMotionParameters),
+                lambda constants, grid: PictureMotion(constants),
+            ),
+        }
+    )
+)
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:

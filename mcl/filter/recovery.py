@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -194,16 +195,18 @@ class RecoveryParameters:
     mixture: MixtureParameters = field(default_factory=MixtureParameters)
 
 
-STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = {
-    "none": lambda settings: none,
-    "always": lambda settings: always(settings.share),
-    "library": lambda settings: below_library(settings.share),
-    "threshold": lambda settings: settings.threshold,
-    "sensor": lambda settings: settings.sensor,
-    "augmented": lambda settings: settings.augmented,
-    "expansion": lambda settings: settings.expansion,
-    "mixture": lambda settings: none,  # fresh particles are part of its proposal
-}
+STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = MappingProxyType(
+    {
+        "none": lambda settings: none,
+        "always": lambda settings: always(settings.share),
+        "library": lambda settings: below_library(settings.share),
+        "threshold": lambda settings: settings.threshold,
+        "sensor": lambda settings: settings.sensor,
+        "augmented": lambda settings: settings.augmented,
+        "expansion": lambda settings: settings.expansion,
+        "mixture": lambda settings: none,  # fresh particles are part of its proposal
+    }
+)
 
 
 def strategy_of(parameters: RecoveryParameters) -> RecoveryStrategy:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
+from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -72,12 +73,14 @@ def _cumulative(weights: F64) -> tuple[F64, int]:
     return cumulative, int(cumulative.searchsorted(1.0))
 
 
-RESAMPLERS: Mapping[str, Resampler] = {
-    "multinomial": multinomial,
-    "systematic": systematic,
-    "stratified": stratified,
-    "residual": residual,
-}
+RESAMPLERS: Mapping[str, Resampler] = MappingProxyType(
+    {
+        "multinomial": multinomial,
+        "systematic": systematic,
+        "stratified": stratified,
+        "residual": residual,
+    }
+)
 
 
 def resampler_of(name: str) -> Resampler:

@@ -14,7 +14,11 @@ import maurice_viz as mv
 from helpers.commands import process
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders import InputError, open_run
+from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.examples import tiny_library, tiny_session
+from maurice_mcl.filter.motion import MOTION_MODELS
+from maurice_mcl.filter.recovery import STRATEGIES
+from maurice_mcl.filter.resampling import RESAMPLERS
 from maurice_mcl.values.own_parts import name_of
 
 SOURCE = """
@@ -247,3 +251,9 @@ def test_a_library_without_pictures_has_no_channel_of_ones_own():
 
     with pytest.raises(InputError, match="keeps no pictures, which odd has to measure"):
         mv.replay(tiny_session(), tiny_library(), mv.Filter(channels=[Odd()]))
+
+
+@pytest.mark.parametrize("ours", [RESAMPLERS, STRATEGIES, MOTION_MODELS, PRESETS])
+def test_nobody_overwrites_one_of_ours_in_secret(ours):
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        ours["systematic"] = None
