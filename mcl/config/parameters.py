@@ -56,7 +56,7 @@ def weights(key: str, value: Any) -> Mapping[str, float]:
 def check_channel(key: str, name: str, sensors: Collection[str] = ()) -> None:
     """Raise ValueError for a name of no channel, and of no pose sensor: ours, or one of `sensors`."""
     known = tuple(dict.fromkeys((*CHANNELS, *POSE_SENSORS, *sensors)))
-    if name not in known:
+    if name not in known and name not in CHANNELS:
         raise ValueError(f"{key}: no channel called {name!r}; {expected_one_of(name, known)}")
 
 

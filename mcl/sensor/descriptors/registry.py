@@ -144,7 +144,28 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
 
 
 LOADED = load_channels(entry_points(group=GROUP))
-CHANNELS: dict[str, Channel] = dict(LOADED.channels)  # and those of users, once a filter asks for them
+
+
+class Channels(dict[str, Channel]):
+    """Ours and those of packages by name; those of users are found by name, once a filter asks for them."""
+
+    own: dict[str, Channel]
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a channel of a name, a user's as well."""
+        return super().__contains__(name) or name in self.own
+
+    def __missing__(self, name: str) -> Channel:
+        """Return a user's channel. KeyError for a name that no channel has."""
+        return self.own[name]
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a channel, a user's as well."""
+        return super().get(name) or self.own.get(name, default)
+
+
+CHANNELS = Channels(LOADED.channels)
+CHANNELS.own = {}
 BROKEN: tuple[str, ...] = LOADED.broken  # messages for people
 
 
@@ -200,7 +221,7 @@ def give_channels(parts: Iterable[str]) -> tuple[str, ...]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ValueError(f"channels: found two called {twice!r}; give them names of their own")
-    CHANNELS.update({channel.name: channel for channel in channels})
+    CHANNELS.own.update({channel.name: channel for channel in channels})
     return names
 
 

@@ -19,6 +19,7 @@ from maurice_mcl.examples import tiny_library, tiny_session
 from maurice_mcl.filter.motion import MOTION_MODELS
 from maurice_mcl.filter.recovery import STRATEGIES
 from maurice_mcl.filter.resampling import RESAMPLERS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.own_parts import name_of
 
 SOURCE = """
@@ -212,6 +213,7 @@ def test_a_channel_of_ones_own_is_measured_scaled_saved_verified_and_compared(dr
     assert 0 < saved["sensor.scales"]["rows"] < 100
     both = open_run(tmp_path / "kept" / "color Rows").configuration.values()
     assert both["sensor.weights"] == {"color": 1.0, "rows": 1.0}
+    assert "rows" not in list(CHANNELS), "what one filter asks for is no channel of others"
     assert all(verdict.same for verdict in mv.verify(tmp_path / "kept"))
     found = process("verify", tmp_path / "kept" / "Rows", PYTHONPATH=str(tmp_path))
     assert "the same, all 14 steps" in found.stdout
