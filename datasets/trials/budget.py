@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,11 +17,13 @@ from maurice_mcl.reasons.budget import (
     SAMPLING,
     SENSOR,
     BudgetLine,
-    error_budget_line,
+    budget_line,
+    with_perfect,
 )
-from maurice_mcl.scoring.batch import compared_once
-from maurice_mcl.values import F64, Moment, Plain, plain
+from maurice_mcl.scoring.batch import SeededRuns, compared_once
+from maurice_mcl.values import F64, Moment, Plain, Progress, Session, plain
 
+from .engine import tables_of
 from .statistics import Clusters, Interval, mean, share
 
 COSTS = {
@@ -72,35 +74,36 @@ class ErrorBudget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BudgetDrive:
-    """One drive, the filter for it, and the seeds that it is run with."""
+    """The runs over one drive, and where it is."""
 
-    localizer: Localizer
-    moments: Sequence[Moment]
-    start: F64 | None
-    seeds: Sequence[int]
+    runs: SeededRuns
     place: int  # its arena: drives in it are alike
+
+    @classmethod
+    def of(
+        cls, localizer: Localizer, session: Session, start: F64 | None, seeds: Sequence[int], place: int
+    ) -> BudgetDrive:
+        """Compare the pictures of a session once; none is kept."""
+        moments = list[Moment]()
+
+        def seen() -> Iterator[Moment]:
+            for moment in session.moments():
+                yield moment
+                moments.append(moment.without_picture)
+
+        comparisons = compared_once(localizer.sensor, seen())
+        return cls(SeededRuns(localizer, moments, comparisons, seeds, start), place)
 
 
 def budget_of(
-    name: str,
-    label: str,
-    units: str,
-    drives: Sequence[BudgetDrive],
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    name: str, label: str, units: str, drives: Sequence[BudgetDrive], progress: Progress | None = None
 ) -> ErrorBudget:
-    """Run every drive with each part made perfect in turn; intervals are over drives, or seeds of one."""
-    lines: dict[str, list[BudgetLine]] = {part: [] for part in PARTS}
-    total = len(drives) * len(PARTS)
-    for number, drive in enumerate(drives):
-        comparisons = compared_once(drive.localizer.sensor, drive.moments)
-        for done, part in enumerate(PARTS, number * len(PARTS)):
-            progress(done, total)
-            lines[part].append(
-                error_budget_line(drive.localizer, drive.moments, comparisons, drive.start, drive.seeds, part)
-            )
-    progress(total, total)
+    """Run every drive with each part made perfect; intervals are over drives, or seeds of one."""
+    asked = [with_perfect(part, drive.runs) for part in PARTS for drive in drives]
+    tables = iter(tables_of(asked, progress))
+    lines = {part: [budget_line(part, next(tables)) for _ in drives] for part in PARTS}
     places, numbers = (
-        np.repeat(labels, [len(drive.seeds) for drive in drives])
+        np.repeat(labels, [len(drive.runs.seeds) for drive in drives])
         for labels in ([drive.place for drive in drives], range(len(drives)))
     )
     parts = tuple(_part(part, lines, Clusters.of(places, numbers)) for part in PARTS)

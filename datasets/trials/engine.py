@@ -1,6 +1,7 @@
-"""Making all runs of a plan: on the cores of one machine by joblib, or on many machines by Dask.
+"""The engine of many runs: on the cores of one machine by joblib, or on many machines by Dask.
 
-Both take the same jobs, one after another as workers get free, and hand back the same rows.
+`run_plan` makes the rows of a plan, whose drives each worker opens for itself; `tables_of` makes runs over
+drives that this process holds, for checks, budgets and remedies. What is made does not depend on workers.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +22,8 @@ import cv2
 import joblib  # type: ignore[import-untyped]  # has no types
 
 from maurice_loaders.errors import InputError
+from maurice_mcl.scoring.batch import SeededRuns
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.values import Progress
 
 from .plan import Plan
@@ -30,6 +34,7 @@ LOCAL, DASK = "local", "dask"
 CLUSTER = "pip install 'maurice-replay[cluster]'"
 SCHEDULER_PATIENCE_S = 10.0
 AHEAD = 2  # jobs waiting per worker
+WORTH_PROCESSES = 10_000_000  # particles moved, some seconds: with fewer, starting processes takes longer
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -82,6 +87,40 @@ def run_plan(
         stop.args = (f"{there}; the same command with --resume makes the others",)
         raise
     return Made(Path(folder), plan.runs, len(store.done) - before, store.failed, store.error)
+
+
+def tables_of(
+    asked: Sequence[SeededRuns], progress: Progress | None = None, *, workers: int | None = None
+) -> list[tuple[RunTable, ...]]:
+    """Make runs on all cores (`workers`: on so many); return the tables of each, in the order of the asked.
+
+    Parts of them, the largest first, go to spawned processes where that is worth their start. `progress` is
+    told how many parts are made, of how many.
+    """
+    parts = [(number, part) for number, runs in enumerate(asked) for part in runs.parts()]
+    order = sorted(range(len(parts)), key=lambda number: -parts[number][1].particles)
+    tables: list[tuple[RunTable, ...]] = [()] * len(parts)
+    processes = min(workers or joblib.cpu_count(), len(parts))
+    is_worth = processes > 1 and sum(runs.particles for runs in asked) >= WORTH_PROCESSES
+    numbered = ((number, parts[number][1]) for number in order)
+    with (
+        in_processes(_tables, numbered, processes)
+        if is_worth
+        else nullcontext(map(_tables, numbered)) as each
+    ):
+        for done, (number, some) in enumerate(each, 1):
+            tables[number] = some
+            if progress:
+                progress(done, len(parts))
+    return [
+        tuple(chain.from_iterable(tables[at] for at, (whose, _) in enumerate(parts) if whose == number))
+        for number in range(len(asked))
+    ]
+
+
+def _tables(part: tuple[int, SeededRuns]) -> tuple[int, tuple[RunTable, ...]]:
+    number, runs = part
+    return number, runs.tables()
 
 
 @contextmanager

@@ -13,8 +13,6 @@ from importlib.metadata import version
 from traceback import walk_tb
 from typing import Any
 
-import numpy as np
-
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.config.parameters import FilterParameters
@@ -35,7 +33,6 @@ Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
 RUNS_A_JOB = 256
 FEWEST_SEEDS, MOST_SEEDS = 8, 64  # of a job over a recorded session, first and later: stepped as one array
-NO_PICTURE = np.zeros((0, 0, 3), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +188,7 @@ def _stepped(
     left = list(steppers)
     try:
         for moment, pictures in _compared(drive, truths.sensors):
-            moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+            moments.append(moment.without_picture)
             truths.add(moment, pictures)
             for stepper in list(left):
                 try:

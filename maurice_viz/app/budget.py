@@ -52,10 +52,9 @@ def error_budget(
     references = open_library_for(session, asked, keep_going=options.keep_going, listener=listener)
     (run,) = make_runs(session, references, [spec], listener)
     localizer = run.localizer.of_session(session)
-    moments = list(session.moments())
-    if not any(moment.truth is not None for moment in moments):
+    drive = BudgetDrive.of(localizer, session, run.start, range(seeds), 0)
+    if not any(moment.truth is not None for moment in drive.runs.moments):
         raise InputError(session.path, "found no truth; an error budget is made from the errors")
-    drive = BudgetDrive(localizer, moments, run.start, range(seeds), 0)
     advance = progress_of(listener, WORKING)
     return budget_of(session.info.name, run.label, session.info.display_units, [drive], advance)
 
@@ -71,7 +70,7 @@ def _of_trials(folder: Path, listener: Listener) -> ErrorBudget:
     drives = []
     for row in chosen.iter_rows(named=True):
         drive, localizer = trials.drive_of(row), trials.localizer_of(row)
-        moments = list(drive.session.moments())
-        drives.append(BudgetDrive(localizer, moments, drive.start, seeds[row["seed"]], row["arena"] or 0))
+        of_row = localizer, drive.session, drive.start, seeds[row["seed"]], row["arena"] or 0
+        drives.append(BudgetDrive.of(*of_row))
     label, units = f"{first['part']}, {first['label']}", drive.session.info.display_units
     return budget_of(folder.name, label, units, drives, progress_of(listener, WORKING))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_datasets.trials.engine import tables_of
 from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_drive, share, sign_flip
 from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import equipped
@@ -18,16 +19,17 @@ from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParame
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.following import KEPT_UPDATES, can_propose
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.scoring.batch import run_batch
+from maurice_mcl.scoring.batch import SeededRuns
 from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_table
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Frame, Moment, Past, plain
 
-from ..errors import SILENT, Listener
-from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
+from ..errors import SILENT, Listener, progress_of
+from ..running.saved_steps import Pictures, Restored, restored_together
 from ..text.comparison import USUAL_SHARE, remedies_line
 from .branch import BranchChange, BranchPoint, open_branch
 
@@ -163,6 +165,12 @@ class SeedResults:
     localized: Bool  # at the end
     error_m: F64
 
+    @classmethod
+    def of(cls, tables: Sequence[RunTable]) -> SeedResults:
+        """Judge runs by their updates after the branch."""
+        at_end = np.array([mostly_at_end(run.is_localized.tolist()) is True for run in tables], bool)
+        return cls(at_end, np.array([score_table(run).position_error_mean_m for run in tables], np.float64))
+
 
 @dataclass(slots=True, eq=False)
 class _Past:
@@ -192,7 +200,7 @@ class _Past:
                 last.appendleft((moment.frame, records[label].estimate.pose))
             else:
                 past.comparisons.append([model.comparison for model in compared(sensors, moment.frame)])
-                past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+                past.moments.append(moment.without_picture)
         past.updates = [_updates_read(sensor, last) for sensor in sensors]
         known = sum(moment.truth is not None for moment in past.moments)
         if known < RIGHT_AT_END[1]:
@@ -208,29 +216,19 @@ class _Past:
         listener: Listener,
     ) -> list[SeedResults]:
         """Run every filter with every seed; every picture is compared once by each sensor model."""
-        found: dict[int, SeedResults] = {}
-        for position, sensor in enumerate(self.sensors):
-            comparisons = [seen[position] for seen in self.comparisons]
-            for number, (remedy, localizer) in enumerate(zip(remedies, filters, strict=True)):
-                if localizer.sensor is sensor:
-                    found[number] = self._runs(remedy, localizer, seeds, comparisons, self.updates[position])
-                    listener.progress(len(found), len(filters), "remedies")
-        return [found[number] for number in range(len(filters))]
+        asked = [self._runs(*each, seeds) for each in zip(remedies, filters, strict=True)]
+        return [SeedResults.of(tables) for tables in tables_of(asked, progress_of(listener, "remedies"))]
 
-    def _runs(
-        self,
-        remedy: Remedy,
-        localizer: Localizer,
-        seeds: Sequence[int],
-        comparisons: Sequence[Comparison],
-        updates: Sequence[Past],
-    ) -> SeedResults:
-        known, anywhere = (self.step, self.belief, self.evidences, updates), remedy.change.anywhere
-        begun = [self.point.begin(replace(localizer, seed=seed), *known, anywhere=anywhere) for seed in seeds]
-        runs = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
-        at_end = np.array([mostly_at_end(run.is_localized.tolist()) is True for run in runs], bool)
-        errors_m = np.array([score_table(run).position_error_mean_m for run in runs], np.float64)
-        return SeedResults(at_end, errors_m)
+    def _runs(self, remedy: Remedy, localizer: Localizer, seeds: Sequence[int]) -> SeededRuns:
+        """Return the runs of a filter from the branch on."""
+        position = next(i for i, sensor in enumerate(self.sensors) if sensor is localizer.sensor)
+        comparisons = [seen[position] for seen in self.comparisons]
+        known, anywhere = (self.step, self.belief, self.evidences), remedy.change.anywhere
+        states = [
+            self.point.begin(replace(localizer, seed=seed), *known, self.updates[position], anywhere=anywhere)
+            for seed in seeds
+        ]
+        return SeededRuns(localizer, self.moments, comparisons, seeds, states=states)
 
 
 def _updates_read(sensor: SensorModel, last: Iterable[tuple[Frame, F64]]) -> list[Past]:

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import InputError
 from ..filter.localizer import Localizer
 from ..filter.proposal import MotionProposal, regions
-from ..scoring.batch import run_batch
+from ..scoring.batch import SeededRuns
 from ..scoring.metrics import score_table
 from ..scoring.table import RunTable
 from ..sensor.model import SensorModel
@@ -71,23 +71,13 @@ class TrueMotion:
         return np.asarray(np.stack(moved), np.float32).T
 
 
-def error_budget_line(
-    localizer: Localizer,
-    moments: Sequence[Moment],
-    comparisons: Sequence[Comparison],
-    start: F64 | None,
-    seeds: Sequence[int],
-    part: str,
-) -> BudgetLine:
-    """Run a filter over a drive once for each seed with one part made perfect, and score the runs.
-
-    `comparisons` are those of the moments' pictures (`compared_once`); `start` is the pose (3,) at which all
-    particles begin, None for anywhere. Raises InputError for a drive without truth.
-    """
+def with_perfect(part: str, runs: SeededRuns) -> SeededRuns:
+    """Return runs of a filter with one part made perfect. InputError for a drive without truth."""
+    localizer, moments, comparisons = runs.localizer, runs.moments, runs.comparisons
     if not any(moment.truth is not None for moment in moments):
         raise InputError(None, "found no truth in the session; an error budget is made from the errors")
     if part == MOTION:
-        localizer, moments = replace(localizer, motion=TrueMotion()), with_true_motions(moments, start)
+        localizer, moments = replace(localizer, motion=TrueMotion()), with_true_motions(moments, runs.start)
     elif part == SENSOR:
         comparisons = perfect_comparisons(localizer, moments, comparisons)
     elif part == LIBRARY:
@@ -95,10 +85,11 @@ def error_budget_line(
         comparisons = perfect_comparisons(localizer, moments, comparisons)
     elif part == SAMPLING:
         localizer = replace(localizer, particles=max(MANY_PARTICLES, localizer.particles))
-    return _scored(part, run_batch(localizer, moments, seeds, start, comparisons))
+    return replace(runs, localizer=localizer, moments=moments, comparisons=comparisons)
 
 
-def _scored(part: str, runs: Sequence[RunTable]) -> BudgetLine:
+def budget_line(part: str, runs: Sequence[RunTable]) -> BudgetLine:
+    """Score runs of a filter with one part made perfect."""
     scores = [score_table(run) for run in runs]
     errors = [np.nan if s.position_error_mean_m is None else s.position_error_mean_m for s in scores]
     return BudgetLine(part, np.array(errors), np.array([score.lost is True for score in scores]))

@@ -3,13 +3,15 @@
     comparisons = compared_once(localizer.sensor, moments)
     tables = run_batch(localizer, moments, seeds=range(100), comparisons=comparisons)
 
-What a run finds is the same as if it ran alone, bit for bit. It returns tables, not records: a record holds
-five clouds, and thousands of runs would hold millions. A run worth a look can be repeated alone.
+`SeededRuns` is the same as a value, which can be divided and sent to other processes
+(`maurice_datasets.trials.engine.tables_of`). What a run finds is the same as if it ran alone, bit for bit.
+It returns tables, not records: a record holds five clouds, and thousands of runs would hold millions. A run
+worth a look can be repeated alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +24,7 @@ from ..values import F64, Comparison, FilterState, Moment
 from .table import RunTable, TableRows
 
 Starts = Sequence[F64 | None] | F64 | None
+STEPPED_AT_ONCE = 65_536  # particles of a part of seeded runs: two blocks of a batch, and some megabytes
 
 
 def compared_once(
@@ -55,6 +58,35 @@ def run_batch(
     for moment, comparison in zip(moments, comparisons, strict=True):
         runs.advance(moment, comparison)
     return runs.tables()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeededRuns:
+    """Runs of one filter over one drive with several seeds, as they are asked for."""
+
+    localizer: Localizer  # with a motion model; its own seed is not used
+    moments: Sequence[Moment]  # their pictures are not needed
+    comparisons: Sequence[Comparison]  # of the moments' pictures
+    seeds: Sequence[int]
+    start: F64 | None = None  # (3,) at which all begin; None: anywhere
+    states: Sequence[FilterState] | None = None  # one a seed, from which they go on instead
+
+    @property
+    def particles(self) -> int:
+        """The number of particles that are moved, in all updates of all runs together."""
+        return self.localizer.particles * len(self.seeds) * len(self.moments)
+
+    def parts(self) -> Iterator[SeededRuns]:
+        """Yield the same runs in parts, a few seeds each, so that neither memory nor a core has too much."""
+        size = max(STEPPED_AT_ONCE // self.localizer.particles, 1)
+        for first in range(0, len(self.seeds), size):
+            some = slice(first, first + size)
+            states = None if self.states is None else self.states[some]
+            yield replace(self, seeds=self.seeds[some], states=states)
+
+    def tables(self) -> tuple[RunTable, ...]:
+        """Make the runs; return a table for each seed, in order."""
+        return run_batch(self.localizer, self.moments, self.seeds, self.start, self.comparisons, self.states)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -49,6 +49,11 @@ class Moment:
     frame: Frame
     truth: F64 | None = None  # (3,) x_m, y_m, heading_rad; None when unknown
     events: tuple[str, ...] = ()  # free text since the last frame, as the log has it
+
+    @property
+    def without_picture(self) -> Moment:
+        """The moment without its picture, for a filter that is given its comparison: pictures fill memory."""
+        return replace(self, frame=replace(self.frame, image=NO_PICTURE))
 
     @property
     def kidnapped(self) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_datasets.trials.engine import tables_of
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.options import Reading
@@ -19,7 +20,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.session_log.header import drive_name
-from maurice_mcl.scoring.batch import SteppedRuns, compared_once
+from maurice_mcl.scoring.batch import SeededRuns, compared_once
 from maurice_mcl.scoring.demands import (
     ERROR,
     Demands,
@@ -33,7 +34,7 @@ from maurice_mcl.scoring.metrics import LOCALIZED_OF
 from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values import Library, Moment, plain
 
-from ...errors import Listener, OptionError
+from ...errors import Listener, OptionError, progress_of
 from ...playback import FilterRun
 from ...running.filters import Filter, read_as_amcl
 from ...running.open import (
@@ -43,7 +44,7 @@ from ...running.open import (
     overview_of,
     remark_skipped,
 )
-from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
+from ...running.saved_steps import Pictures, Restored, restored_together
 from ...style import Scale, scale_for
 from ..convert import only_run
 from . import rules
@@ -192,17 +193,15 @@ def _run_all(
     def seen() -> Iterator[Moment]:
         for moment in session.moments():
             yield moment
-            moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+            moments.append(moment.without_picture)
             listener.progress(len(moments), total, "compare pictures")
 
     comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
     remark_skipped(session, listener)
     _expect_long_enough(session.path, moments, asked.demands)
-    runs = SteppedRuns.begin(run.localizer, range(asked.seeds), run.start)
-    for number, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True), 1):
-        runs.advance(moment, comparison)
-        listener.progress(number, total, f"step {asked.seeds:,} runs")
-    return moments, tuple(map(RunTrack.of, runs.tables()))
+    runs = SeededRuns(run.localizer, moments, comparisons, range(asked.seeds), run.start)
+    (tables,) = tables_of([runs], progress_of(listener, f"{asked.seeds:,} runs"))
+    return moments, tuple(map(RunTrack.of, tables))
 
 
 def _check_recorded(

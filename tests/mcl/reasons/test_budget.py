@@ -14,12 +14,13 @@ from maurice_mcl.reasons.budget import (
     MOTION,
     SENSOR,
     TrueMotion,
-    error_budget_line,
+    budget_line,
     perfect_comparisons,
     with_dense_references,
+    with_perfect,
     with_true_motions,
 )
-from maurice_mcl.scoring.batch import compared_once
+from maurice_mcl.scoring.batch import SeededRuns, compared_once
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.nearest import distinct_places, spacing
 
@@ -109,11 +110,11 @@ def test_dense_references_lie_a_quarter_as_far_apart_all_over_the_floor(localize
 
 def test_perfect_parts_leave_less_error(localizer: mcl.Localizer, moments: list[mcl.Moment]) -> None:
     comparisons = compared_once(localizer.sensor, moments)
-    found = {
-        part: error_budget_line(localizer, moments, comparisons, moments[0].truth, range(8), part)
-        for part in (AS_IS, MOTION, SENSOR, LIBRARY)
-    }
-    error_m = {part: line.errors_m.mean() for part, line in found.items()}
+    runs = SeededRuns(localizer, moments, comparisons, range(8), moments[0].truth)
+    lines = [
+        budget_line(part, with_perfect(part, runs).tables()) for part in (AS_IS, MOTION, SENSOR, LIBRARY)
+    ]
+    error_m = {line.part: line.errors_m.mean() for line in lines}
     assert error_m[LIBRARY] < error_m[SENSOR] + 0.01
     assert error_m[MOTION] < error_m[AS_IS]
     assert error_m[LIBRARY] < error_m[AS_IS]
@@ -123,4 +124,4 @@ def test_without_truth_there_is_no_budget(localizer: mcl.Localizer, moments: lis
     blind = [replace(moment, truth=None) for moment in moments]
     comparisons = compared_once(localizer.sensor, moments)
     with pytest.raises(mcl.InputError, match="no truth"):
-        error_budget_line(localizer, blind, comparisons, None, [0], AS_IS)
+        with_perfect(AS_IS, SeededRuns(localizer, blind, comparisons, [0]))
