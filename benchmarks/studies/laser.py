@@ -21,11 +21,12 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.engine import run_plan
-from maurice_datasets.trials.plan import Part, Plan, SessionSpec, Variant, Variants
+from maurice_datasets.trials.plan import Part, Plan, SessionSpec, Variant, Variants, reading_text
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Clusters, mean, share
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
+from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.parameters import ALPHAS
 from maurice_mcl.values.arrays import F64, Bool
 
@@ -91,8 +92,7 @@ def _part(
     name: str, logs: Sequence[Path], mapped: str, how: Mapping[str, Any], particles: int, seeds: int
 ) -> Part:
     sessions = tuple(
-        SessionSpec(_name(log), path=str(log), mapped=mapped, odometry_from_truth=_repeats(log), **how)
-        for log in logs
+        SessionSpec(_name(log), path=str(log), mapped=mapped, reading=_reading(log), **how) for log in logs
     )
     listed = tuple(
         Variant(label, {**settings, "particles": particles, "resampling.kld.most": particles})
@@ -113,9 +113,10 @@ def _name(log: Path) -> str:
     return log.name.split(".")[0].removesuffix("-corrected")
 
 
-def _repeats(log: Path) -> bool:
-    """Whether a log's odometry is its truth: then some is made, with noise."""
-    return any("odometry_from_truth" in remark for remark in open_session(log).remarks)
+def _reading(log: Path) -> str:
+    """Return how a log is read: where its odometry is its truth some is made, with noise."""
+    repeats = any("odometry_from_truth" in remark for remark in open_session(log).remarks)
+    return reading_text(Reading(odometry_from_truth=repeats))
 
 
 def _progress(done: int, total: int) -> None:

@@ -14,9 +14,10 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
+from maurice_loaders.libraries.completed import LANDMARKS, completed
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.build import adapted, available, build_localizer
+from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import motion_model
 from maurice_mcl.library.occupancy_building import build_occupancy
@@ -27,7 +28,6 @@ from maurice_mcl.values import (
     F64,
     INCH_M,
     Arena,
-    Camera,
     Library,
     Moment,
     OccupancyMap,
@@ -56,14 +56,13 @@ class Bench:
     nearest: NearestReference
     _localizers: dict[str, Localizer] = field(default_factory=dict)
     _sensors: dict[str, Localizer] = field(default_factory=dict)
-    camera: Camera | None = None  # of the drive, where the library does not know it
-    _libraries: dict[str, Library] = field(default_factory=dict)  # the same with landmarks
+    info: SessionInfo | None = None  # of the drive, whose camera counts where the library knows none
+    _libraries: dict[str, Library] = field(default_factory=dict)  # the same with what filters compare by
 
     @classmethod
     def of(cls, library: Library, info: SessionInfo | None = None) -> Bench:
-        """Make one for a library, and for drives with the first camera of a session's header."""
-        cameras = () if info is None else info.cameras
-        return cls(library, reference_of(library), camera=cameras[0] if cameras else None)
+        """Make one for a library, and for drives with the camera of a session's header."""
+        return cls(library, reference_of(library), info=info)
 
     def localizer(self, settings: Settings) -> Localizer:
         """Return the filter that `make_localizer` would make, without a seed. InputError for what none is."""
@@ -74,8 +73,9 @@ class Bench:
 
     def _build(self, settings: Settings) -> Localizer:
         try:
-            library = self._library(settings)
-            configuration = available(configuration_of(settings), library)[0]
+            asked = configuration_of(settings)
+            library = self._library(asked)
+            configuration = available(asked, library)[0]
             given = configuration.parameters
             shared = repr((given.sensor, given.references, given.map))
             alike = self._sensors.get(shared)
@@ -87,17 +87,13 @@ class Bench:
         except (KeyError, ValueError) as problem:
             raise InputError(None, str(problem)) from None
 
-    def _library(self, settings: Settings) -> Library:
-        """Return the library, with landmarks for a filter that asks for them."""
-        if "landmarks" not in configuration_of(settings).parameters.sensor.weights:
-            return self.library
-        if "landmarks" not in self._libraries:
-            from maurice_loaders.libraries.landmarks import with_landmarks
-
-            self._libraries["landmarks"] = with_landmarks(
-                self.library, camera=self.library.camera or self.camera
-            )
-        return self._libraries["landmarks"]
+    def _library(self, asked: Configuration) -> Library:
+        """Return the library with all that a filter compares by."""
+        sensor = asked.parameters.sensor
+        key = repr((LANDMARKS in sensor.weights, sensor.channels))
+        if key not in self._libraries:
+            (self._libraries[key],) = completed([asked], self.library, self.info)
+        return self._libraries[key]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +132,7 @@ def open_drive(spec: SessionSpec, seed: int) -> Drive:
 
 @lru_cache(1)
 def _recorded(spec: SessionSpec) -> Drive:
-    session = open_session(spec.path, Reading(odometry_from_truth=spec.odometry_from_truth))
+    session = open_session(spec.path, spec.read_as)
     start = None if spec.start else session.info.start
     library = open_library(_library_of(session, spec.path, spec.library))
     return Drive(session, start, Bench.of(library, session.info), None)
@@ -151,36 +147,38 @@ def _library_of(session: Session, path: str, library: str) -> str | Path:
 
 def _part(spec: SessionSpec, seed: int) -> Drive:
     """Return run `seed` over a part of a recording; it begins at the true pose, unless anywhere."""
-    info, bench, stretches = _cut(spec.path, spec.library, spec.mapped, spec.odometry_from_truth)
+    info, bench, stretches = _cut(replace(spec.drive, stretch=0, kidnap_at=None, start=""))
     moments = stretches.of_run(seed, spec.stretch, spec.kidnap_at)
     return Drive(RenderedSession(info, moments), None if spec.start else moments[0].truth, bench, None)
 
 
 @lru_cache(1)
-def _cut(path: str, library: str, mapped: str, made: bool) -> tuple[SessionInfo, Bench, Stretches]:
-    """Return what the stretches of a recording share; with `made` its odometry is made from the truth."""
-    session = open_session(path, Reading(odometry_from_truth=made))
+def _cut(spec: SessionSpec) -> tuple[SessionInfo, Bench, Stretches]:
+    """Return what the stretches of a recording share."""
+    path, mapped = spec.path, spec.mapped
+    session = open_session(path, spec.read_as)
     moments = [moment for moment in session.moments() if moment.truth is not None]
     if not moments:
         raise InputError(None, f"{path}: found no true pose, and parts of a recording need some")
     half = len(moments) // 2 if mapped == "first half" else 0
     if mapped:
         until_s = moments[half].frame.time_s if half else np.inf
-        bench = Bench.of(map_library(_map_of(path, until_s), session.info.name))
+        bench = Bench.of(map_library(_map_of(spec, until_s), session.info.name))
     else:
-        bench = Bench.of(open_library(_library_of(session, path, library)), session.info)
+        bench = Bench.of(open_library(_library_of(session, path, spec.library)), session.info)
     return session.info, bench, Stretches.of(moments[half:], bench.library.occupancy)
 
 
-def _map_of(path: str, until_s: float) -> OccupancyMap:
+def _map_of(spec: SessionSpec, until_s: float) -> OccupancyMap:
     """Return a map of all scans with true poses before a time, also of those that no update uses."""
-    every = open_session(path, Reading(min_distance_m=0.0, min_angle_rad=0.0)).moments()
+    all_scans = replace(spec.read_as, min_distance_m=0.0, min_angle_rad=0.0, odometry_from_truth=False)
+    every = open_session(spec.path, all_scans).moments()
     before = takewhile(lambda moment: moment.frame.time_s < until_s, every)
     posed = ((moment.frame.scan, moment.truth) for moment in before)
     try:
         return build_occupancy((scan, pose) for scan, pose in posed if scan is not None and pose is not None)
     except ValueError as problem:
-        raise InputError(None, f"{path}: no map can be made of its scans: {problem}") from None
+        raise InputError(None, f"{spec.path}: no map can be made of its scans: {problem}") from None
 
 
 def _simulated(spec: SessionSpec, seed: int) -> Drive:
@@ -270,7 +268,7 @@ def shuffled(bench: Bench, seed: int) -> Bench:
     """Return a library whose pictures belong to other poses: nothing but chance can localize with it."""
     library = bench.library
     order = np.random.default_rng(seed).permutation(library.size)
-    return replace(Bench.of(replace(library, poses=library.poses[order])), camera=bench.camera)
+    return Bench.of(replace(library, poses=library.poses[order]), bench.info)
 
 
 def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:

@@ -78,7 +78,11 @@ class TrialsFolder:
     def spec_of(self, row: Row) -> SessionSpec:
         """Return the session that a row is of."""
         sessions = self._part_of(row)["sessions"]
-        return next(SessionSpec(**session) for session in sessions if session["label"] == row["session"])
+        values = next(session for session in sessions if session["label"] == row["session"])
+        if other := [key for key in values if key not in _USUAL]:
+            what = f"its plan is of another version, with {other[0]!r}: its runs cannot be made again"
+            raise MissingRuns(self.folder, f"{what}; make the trials anew to see one")
+        return SessionSpec(**values)
 
     def settings_of(self, row: Row) -> dict[str, Any]:
         """Return all that the variant of a row sets."""
@@ -98,10 +102,12 @@ class TrialsFolder:
         The replay has the row's error to the last bit. None: no command has words for this drive or filter.
         """
         spec, settings, seed = self.spec_of(row), self.settings_of(row), row["seed"]
-        if "control" in settings or any(getattr(spec, name) != _USUAL[name] for name in SURVEYED):
+        unusual = any(getattr(spec, name) != _USUAL[name] for name in SURVEYED)
+        if "control" in settings or unusual or spec.is_cut:
             return None
         replay = ["maurice-replay", spec.path or f"drive-{seed}"]
         replay += ["--library", spec.library] if spec.library else []
+        replay += spec.read_as.words
         if "sensor.weights" in settings:
             settings.pop("feature", None)  # an option that would replace them
         for key, value in settings.items():

@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import read_toml, show
+from maurice_loaders.reading.options import RULES, Reading
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
@@ -28,10 +29,10 @@ from maurice_mcl.values import (
     choice,
     entries,
     expected_one_of,
+    plain,
     rules_of,
     table,
     text,
-    truth,
     whole,
 )
 
@@ -69,6 +70,17 @@ def _spacing(key: str, value: Any) -> int:
     return spacing_in
 
 
+def _reading(key: str, value: Any) -> str:
+    """Take options of reading, a table, as the one text that sessions are told apart by."""
+    return reading_text(replace(Reading(), **checked(table(key, value), RULES, f"{key}.")))
+
+
+def reading_text(options: Reading) -> str:
+    """Return the options that differ from their defaults, as JSON; "" for none."""
+    given = {name: getattr(options, name) for name in options.changed}
+    return json.dumps(plain(given)) if given else ""
+
+
 @dataclass(frozen=True, slots=True)
 class SessionSpec:
     """What is driven: a simulated task, drawn anew for every seed, or a recorded session."""
@@ -93,13 +105,18 @@ class SessionSpec:
     # a map of the recording's scans instead: of all; or of its first half, and then its second is driven
     mapped: Annotated[str, choice("", "all", "first half")] = ""
     stretch: Annotated[int, COUNT] = 0  # updates of run k from a place of its own in the recording; 0: whole
-    odometry_from_truth: Annotated[bool, truth] = False  # of a recording whose odometry repeats the truth
+    reading: Annotated[str, _reading] = ""  # of a recorded session: how it is read, a table of options
     start: Annotated[str, choice("", "anywhere")] = ""  # "": the header's start, else anywhere; "anywhere"
 
     @property
     def is_cut(self) -> bool:
         """Whether a part of a recording is driven, or all of it on a map of its own scans."""
         return bool(self.mapped or self.stretch)
+
+    @property
+    def read_as(self) -> Reading:
+        """How the recording is read."""
+        return replace(Reading(), **checked(json.loads(self.reading or "{}"), RULES))
 
     @property
     def drive(self) -> SessionSpec:
@@ -366,7 +383,10 @@ def _simulated_or_recorded(file: Path, number: int, spec: SessionSpec) -> Sessio
     path, library = (
         str((file.parent / given).resolve()) if given else "" for given in (spec.path, spec.library)
     )
-    return replace(spec, path=path, library=library)
+    reading = spec.read_as
+    if reading.table is not None:
+        reading = replace(reading, table=(file.parent / reading.table).resolve())
+    return replace(spec, path=path, library=library, reading=reading_text(reading))
 
 
 def _why_no_simulation(spec: SessionSpec) -> str:

@@ -7,7 +7,7 @@ import json
 import platform
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from traceback import walk_tb
@@ -24,6 +24,7 @@ from maurice_mcl.reasons.surroundings import Surroundings
 from maurice_mcl.sensor.ahead import Compared, compared_ahead
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import Moment
+from maurice_mcl.values.own_parts import give_parts, given_parts
 
 from .drives import Drive, filter_for, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
@@ -60,6 +61,7 @@ class Job:
     spec: SessionSpec
     seed: int  # of the drive, or of the first of its runs
     asked: tuple[TrialRun, ...]
+    parts: Mapping[str, Any] = field(default_factory=dict)  # of the user's own, by name
 
 
 class Unread(Exception):
@@ -72,6 +74,7 @@ def run_job(job: Job) -> list[Row]:
     Runs that differ in their seeds alone are stepped as one array. If such a step fails, its runs are made
     once more, one by one: so the others of a failing run are rows.
     """
+    give_parts(job.parts)
     try:
         drive = open_drive(job.spec, job.seed)
     except Exception as problem:  # here and below: one run that fails is a row, and the others go on
@@ -271,10 +274,14 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
         for asked in (trial for trial in _asked(users[spec], seeds) if trial.key not in done):
             waiting.append(asked)
             if len(waiting) == most:
-                yield Job(spec, seeds[0], tuple(waiting))
+                yield _job(spec, seeds[0], waiting)
                 waiting = []
         if waiting:
-            yield Job(spec, seeds[0], tuple(waiting))
+            yield _job(spec, seeds[0], waiting)
+
+
+def _job(spec: SessionSpec, seed: int, asked: Sequence[TrialRun]) -> Job:
+    return Job(spec, seed, tuple(asked), given_parts([run.settings for run in asked]))
 
 
 def _drives(

@@ -163,11 +163,20 @@ class Reading:
     keep_going: Annotated[bool, Meaning("Skip broken parts and report how many.", "errors")] = False
 
     @property
+    def changed(self) -> tuple[str, ...]:
+        """The names of the fields that differ from their defaults."""
+        usual = Reading()
+        return tuple(name for name in FIELDS if getattr(self, name) != getattr(usual, name))
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """All that differs from the defaults, as typed: "--reading", "turn_scale=-1"."""
+        return tuple(word for name in self.changed for word in _typed(self, name).split(" ", 1))
+
+    @property
     def corrections(self) -> tuple[str, ...]:
         """All corrections as they are typed: "--reading turn_scale=-1"."""
-        usual = Reading()
-        changed = [name for name in CORRECTIONS if getattr(self, name) != getattr(usual, name)]
-        return tuple(f"{option_name(name)}={option_value(name, getattr(self, name))}" for name in changed)
+        return tuple(_typed(self, name) for name in self.changed if name in CORRECTIONS)
 
 
 FIELDS: dict[str, Meaning] = {
@@ -226,10 +235,16 @@ def option_name(name: str) -> str:
     return "--reading " + (name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name)
 
 
+def _typed(options: Reading, name: str) -> str:
+    return f"{option_name(name)}={option_value(name, getattr(options, name))}"
+
+
 def option_value(name: str, value: object) -> str:
     """Return a value as it is typed, angles in degrees."""
+    if isinstance(value, Mapping):
+        return ",".join(f"{role}={column}" for role, column in value.items())
     if not isinstance(value, float):
-        return str(value)
+        return str(value).lower() if isinstance(value, bool) else str(value)
     return f"{round(math.degrees(value) if name.endswith('_rad') else value, 7):.15g}"
 
 
@@ -269,12 +284,10 @@ def write_reading(path: str | Path, options: Reading, *, force: bool = False) ->
         >>> read_reading("reading.toml") == Reading(camera="left")
         True
     """
-    path, usual = Path(path), Reading()
+    path = Path(path)
     lines = ["# How a recording is read; use it with --reading.", f"[{TABLE}]"]
-    for name in FIELDS:
+    for name in options.changed:
         value = getattr(options, name)
-        if value == getattr(usual, name):
-            continue
         if isinstance(value, Path):
             value = Path(os.path.relpath(value, path.parent)).as_posix()
         degrees = f"  # {option_value(name, value)} degrees" if name.endswith("_rad") else ""

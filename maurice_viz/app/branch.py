@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.libraries.completed import completed
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.config.build import build_localizer
@@ -24,7 +25,7 @@ from maurice_mcl.values import F64, Belief, FilterState, Library, Moment, Past, 
 from ..errors import SILENT, Listener, OptionError
 from ..running.drive_check import drive_pictures
 from ..running.filters import Filter, word_of
-from ..running.open import fitted, landmarked
+from ..running.open import fitted
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
 from .convert import only_run
@@ -201,7 +202,8 @@ class BranchPoint:
         self, configuration: Configuration, start: F64 | None, listener: Listener = SILENT, *, seed: int = 0
     ) -> tuple[Configuration, Localizer]:
         """Fit a configuration to the run's library and drive, as a replay does."""
-        (library,) = landmarked([configuration], self.session.info, self.localizer.library, listener)
+        info, own = self.session.info, self.localizer.library
+        (library,) = completed([configuration], own, info, listener.progress, listener.warning)
         return fitted(
             configuration,
             library,

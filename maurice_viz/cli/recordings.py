@@ -27,7 +27,7 @@ from ..text.findings import describe, evidence_for, fix_for
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import option
-from .shared.values import reading_of, typed
+from .shared.values import reading_of
 
 ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
 Options = Sequence[Sequence[str]]  # as typed: what fixes each finding, and last what fixes all; or nothing
@@ -213,7 +213,7 @@ def doctor(
         *(fixed_options(read_by, [finding]) for finding in examination.findings),
         examination.fixed,
     ]
-    options = [typed(fix) if fix != read_by else [] for fix in fixing]
+    options = [list(fix.words) if fix != read_by else [] for fix in fixing]
     if json_output:
         print_json(_json(examination, options))
     else:

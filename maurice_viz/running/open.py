@@ -20,6 +20,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.paths import look_again
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
+from maurice_loaders.libraries.completed import completed
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession, first_truth
@@ -27,7 +28,6 @@ from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.drive_score import DrivePicture
-from maurice_mcl.sensor.descriptors.registry import give_channels
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.outside import load_sensor
 from maurice_mcl.sensor.references import NearestReference
@@ -42,7 +42,6 @@ from ..text.library import say_drive, say_places
 from .drive_check import drive_pictures, suited
 from .filters import Filter
 
-LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
 
@@ -198,7 +197,7 @@ def make_runs(
     if library.is_map:
         specs = [spec if spec.preset or spec.config else replace(spec, preset="laser") for spec in specs]
     asked = [spec.configuration() for spec in specs]
-    libraries = landmarked(asked, session.info, library, listener)
+    libraries = completed(asked, library, session.info, listener.progress, listener.warning)
     reference = reference_of(library)
     if not reference.grid.free.any():
         full = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
@@ -301,44 +300,6 @@ def _at_edge(start: F64, library: Library) -> F64:
     low, high = np.array(library.arena.bounds).reshape(2, 2)
     inside = np.clip(start[:2], low + 1e-6, high - 1e-6)
     return np.array([*inside, start[2]]) if np.abs(inside - start[:2]).max() <= EDGE_M else start
-
-
-def with_channels(
-    configurations: Sequence[Configuration], library: Library, listener: Listener = SILENT
-) -> Library:
-    """Return a library that is measured by the users' own channels that filters compare by. InputError."""
-    sensors = [configuration.parameters.sensor for configuration in configurations]
-    parts = dict.fromkeys(part for sensor in sensors for part in sensor.channels)
-    if not parts:
-        return library
-    from maurice_loaders.libraries.own_channels import with_own_channels
-
-    try:
-        give_channels(parts)
-    except ValueError as problem:
-        raise InputError(None, str(problem)) from None
-    return with_own_channels(
-        library, dict.fromkeys(chain(*(sensor.weights for sensor in sensors))), listener.progress
-    )
-
-
-def landmarked(
-    configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
-) -> list[Library]:
-    """Return the library of each run: with landmarks and one's own channels, where it is compared by them.
-
-    InputError for channels of one name that are not the same.
-    """
-    library = with_channels(configurations, library, listener)
-    sensors = [configuration.parameters.sensor for configuration in configurations]
-    asks = [LANDMARKS in sensor.weights for sensor in sensors]
-    if not any(asks):
-        return [library] * len(asks)
-    from maurice_loaders.libraries.landmarks import with_landmarks
-
-    camera = library.camera or (info.cameras[0] if info.cameras else None)
-    marked = with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
-    return [marked if asked else library for asked in asks]
 
 
 def _label(spec: Filter, configuration: Configuration, library: Library) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import expect_regular
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
+from maurice_loaders.libraries.completed import completed, with_channels
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.picture_odometry import FROM_PICTURES
 from maurice_loaders.reading.session import RecordedSession
@@ -32,7 +33,6 @@ from maurice_mcl.values import Library, Moment, Session, SessionInfo, StepRecord
 from ..errors import SILENT, Listener, progress_of
 from ..playback import ResultCollector, shared
 from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
-from .open import landmarked, with_channels
 from .recorded import RecordedFrames, open_recorded, scene_of_recorded
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
@@ -85,7 +85,7 @@ def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
     path = unchanged(run.manifest.library, run.folder, "library")
     advance = progress_of(listener, "library")
     library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
-    library = with_channels([run.configuration], library, listener)
+    library = with_channels([run.configuration], library, listener.progress)
     missing = [name for name in run.manifest.channels if name not in library.index]
     if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
         what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"
@@ -98,7 +98,7 @@ def localizer_of(run: SavedRun, session: RecordedSession, library: Library) -> L
     parameters = run.configuration.parameters
     for spelled, package in run.manifest.sensors.items():
         _check_sensor(run, spelled, package)
-    (library,) = landmarked([run.configuration], session.info, library)
+    (library,) = completed([run.configuration], library, session.info)
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:

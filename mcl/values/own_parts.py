@@ -48,9 +48,19 @@ def name_of(part: Any) -> str:
     return name
 
 
-def given_parts(names: Iterable[Any]) -> dict[str, Any]:
-    """Return those of some names whose parts this process was given, to send them to another process."""
-    return {name: _GIVEN[name] for name in names if isinstance(name, str) and name in _GIVEN}
+def given_parts(settings: Any) -> dict[str, Any]:
+    """Return the parts that this process was given, and settings name, to send them to another process."""
+    if isinstance(settings, str):
+        return {settings: _GIVEN[settings]} if settings in _GIVEN else {}
+    inner = settings.values() if isinstance(settings, Mapping) else settings
+    if not isinstance(settings, (Mapping, list, tuple)):
+        return {}
+    return {name: part for value in inner for name, part in given_parts(value).items()}
+
+
+def give_parts(parts: Mapping[str, Any]) -> None:
+    """Make parts known that another process was given, by their names (`given_parts`)."""
+    _GIVEN.update(parts)
 
 
 def own_part(what: str, name: str) -> Any:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from maurice_loaders.files.text import METERS, parse_toml
-from maurice_loaders.reading.options import FIELDS, RULES, Reading, option_value, read_reading
+from maurice_loaders.reading.options import FIELDS, RULES, Reading, read_reading
 from maurice_mcl.values import expected_one_of
 
 from ...errors import OptionError
@@ -75,25 +75,8 @@ def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> Read
             options = _with(options, key.strip(), value.strip())
         else:
             read = read_reading(word)
-            changed = {name for name in FIELDS if getattr(read, name) != getattr(USUAL, name)}
-            options = replace(options, **{name: getattr(read, name) for name in changed})
+            options = replace(options, **{name: getattr(read, name) for name in read.changed})
     return replace(options, keep_going=keep_going or options.keep_going)
-
-
-def typed(options: Reading) -> list[str]:
-    """Return the options that differ from their defaults, as typed on the command line."""
-    words = []
-    for key, name in KEYS.items():
-        value = getattr(options, name)
-        if value != getattr(USUAL, name):
-            words += ["--reading", f"{key}={_text(name, value)}"]
-    return words
-
-
-def _text(name: str, value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ",".join(f"{role}={column}" for role, column in value.items())
-    return str(value).lower() if isinstance(value, bool) else option_value(name, value)
 
 
 def _with(options: Reading, key: str, value: str) -> Reading:
