@@ -11,6 +11,7 @@
 | `diagnose` | why a filter was lost: one cause for each time |
 | `explain` | explains one step of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
+| `trials` | filters on drives with many seeds: means and paired differences |
 | `error_budget` | which part of a filter costs most accuracy |
 | `what_if`, `remedies` | branches a saved run with something changed; ranks what would have helped |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
@@ -47,6 +48,7 @@ from typing import TYPE_CHECKING
 from maurice_mcl.errors import front_page
 
 if TYPE_CHECKING:
+    from maurice_datasets.trials.table import TrialsResult as TrialsResult
     from maurice_loaders.errors import InputError as InputError
     from maurice_loaders.formats.registry import open_session as open_session
     from maurice_loaders.libraries.store import open_library as open_library
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
     from .app.replay import replay as replay
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
+    from .app.trials import trials as trials
     from .app.what_if import what_if as what_if
     from .errors import Listener as Listener
     from .notebook import results as results

@@ -1,10 +1,14 @@
-"""Rows grouped and compared: figures with intervals, and differences between variants run by run."""
+"""Rows grouped and compared: figures with intervals, and differences between variants run by run.
+
+`TrialsResult` has the same as polars frames.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +16,21 @@ import numpy as np
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values import expected_one_of
+from maurice_mcl.values import F64, expected_one_of
 
 from .rows import KEY, SCHEMA, TYPES, read_rows
-from .statistics import Clusters, Interval, Survival, mean, rate_difference, share, survival
+from .statistics import (
+    LEVEL,
+    Clusters,
+    Interval,
+    Survival,
+    holm,
+    mean,
+    p_value,
+    rate_difference,
+    share,
+    survival,
+)
 
 NUMBERS = [
     name for name, kind in TYPES.items() if kind in (pl.Float64, pl.Int64, pl.Boolean) and name not in KEY
@@ -39,11 +54,67 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One group against the first, on the same drives and seeds."""
+    """One group against another, on the same drives and seeds."""
 
     by: dict[str, Any]
     against: dict[str, Any]
     figure: Interval  # mean of the differences, run by run; of a flag, the difference of its rates
+    p: float | None  # of no difference; None: too few drives for one
+
+
+FIRST, EACH = "first", "each"  # what groups are compared with
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialsResult:
+    """What many runs show, as polars frames: a row for each run, means, and differences run by run.
+
+    Intervals hold 95 %, over drives, or over the seeds of the only one.
+    """
+
+    runs: pl.DataFrame  # as docs/trials.md has their columns; runs that raised an error have nulls
+
+    def __repr__(self) -> str:
+        """Return how many runs of which filters there are."""
+        filters = ", ".join(self.runs["label"].unique(maintain_order=True))
+        failed = len(self.runs) - self.runs["error"].null_count()
+        told = f", {failed} failed" if failed else ""
+        return f"TrialsResult({len(self.runs):,} runs of {filters}{told})"
+
+    def mean(self, metric: str = DEFAULT, by: Sequence[str] = ("label",)) -> pl.DataFrame:
+        """Return the mean of a column for each filter, of a flag its share. InputError for no such column."""
+        rows = [group.by | _told(group.figure) for group in grouped(self.runs, by, metric)]
+        return pl.DataFrame(rows, infer_schema_length=None)
+
+    def paired(
+        self, metric: str = DEFAULT, against: str = FIRST, by: Sequence[str] = ("label",)
+    ) -> pl.DataFrame:
+        """Return by how much filters differ on the same drives and seeds: from the "first", or "each" other.
+
+        Of what is compared at once, `p_holm` is the p-value of no difference adjusted for the number of pairs
+        (Holm 1979). InputError for no such column.
+        """
+        if against not in (FIRST, EACH):
+            raise InputError(None, f"against: found {against!r}, {expected_one_of(against, (FIRST, EACH))}")
+        pairs = paired(self.runs, by, metric, against)
+        adjusted = iter(holm([pair.p for pair in pairs if pair.p is not None]))
+        rows = [
+            pair.by
+            | {f"against_{name}": value for name, value in pair.against.items()}
+            | {"difference": pair.figure.value}
+            | {name: value for name, value in _told(pair.figure).items() if name != "mean"}
+            | {"p": pair.p, "p_holm": None if pair.p is None else next(adjusted)}
+            for pair in pairs
+        ]
+        return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _told(figure: Interval) -> dict[str, Any]:
+    """Return a figure as columns of a frame."""
+    value, low, high = (
+        number if np.isfinite(number) else None for number in (figure.value, figure.low, figure.high)
+    )
+    return {"mean": value, "low": low, "high": high, "runs": figure.count, "drives": figure.drives}
 
 
 def load_trials(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
@@ -167,8 +238,12 @@ def clusters_of(rows: pl.DataFrame) -> Clusters:
     return Clusters.of(labels["place"].to_numpy(), labels["drive"].to_numpy(), runs)
 
 
-def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Difference]:
+def paired(
+    rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT, against: str = FIRST
+) -> list[Difference]:
     """Compare every group with the first, run by run: same part, session, seed and other settings.
+
+    With `against` "each", also with those between.
 
     Rates have Newcombe's interval for pairs. A run that never localized counts with the whole of its drive.
     Runs that only one of the two groups holds are left out. InputError for unknown columns.
@@ -190,9 +265,11 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
         [(values, some) for values, some in kept.group_by(columns, maintain_order=True)] if columns else []
     )
     differences = []
-    for values, some in parts[1:]:
+    for (first_values, first), (values, some) in combinations(parts, 2):
+        if against == FIRST and first is not parts[0][1]:
+            break
         both = some.join(
-            parts[0][1],
+            first,
             on=[name for name in same if name not in columns],
             how="inner",
             suffix="_first",
@@ -203,11 +280,24 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
             both[f"{metric}_first"].to_numpy(),
             clusters_of(both),
         )
-        flags = rows.schema[metric] == pl.Boolean
-        figure = rate_difference(before > 0, after > 0, clusters) if flags else mean(after - before, clusters)
-        named = [dict(zip(columns, names, strict=True)) for names in (values, parts[0][0])]
-        differences.append(Difference(named[0], named[1], figure))
+        figure, p = _difference(before, after, clusters, is_flag=rows.schema[metric] == pl.Boolean)
+        named = [dict(zip(columns, names, strict=True)) for names in (values, first_values)]
+        differences.append(Difference(named[0], named[1], figure, p))
     return differences
+
+
+def _difference(
+    before: F64, after: F64, clusters: Clusters, *, is_flag: bool
+) -> tuple[Interval, float | None]:
+    """Return by how much runs (N,) differ, after less before, and the p-value of no difference."""
+
+    def at_level(level: float) -> Interval:
+        if is_flag:
+            return rate_difference(before > 0, after > 0, clusters, level)
+        return mean(after - before, clusters, level)
+
+    figure = at_level(LEVEL)
+    return figure, p_value(at_level, 0.0) if np.isfinite(figure.low) else None
 
 
 def _varied(rows: pl.DataFrame) -> list[str]:

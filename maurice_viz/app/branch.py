@@ -25,12 +25,11 @@ from maurice_mcl.values import F64, Belief, FilterState, Library, Moment, Past, 
 from ..errors import SILENT, Listener, OptionError
 from ..running.drive_check import drive_pictures
 from ..running.filters import Filter, word_of
-from ..running.open import fitted
+from ..running.open import GLOBAL, fitted
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
 from .convert import only_run
 
-GLOBAL = "global"  # the one start that a branch can have instead of where the particles are
 KEEPS_SCALES = ("sensor.sharpness", "sensor.widening", "sensor.scales")  # others ask for new ones
 
 

@@ -26,14 +26,14 @@ from maurice_mcl.values import FilterState, Moment, Past, StepRecord, plain
 from ..errors import SILENT, Listener, OptionError
 from ..playback import ResultCollector
 from ..running.filters import AnyFilter, filter_of
-from ..running.open import unique_labels
+from ..running.open import GLOBAL, unique_labels
 from ..running.output import Output, output_of
 from ..running.run import Playback, RunScores, play
 from ..running.saved import remark_saved, view_of
 from ..scene import RunView, Scene
 from ..style import scale_for
 from ..text.comparison import BRANCH, what_if_line
-from .branch import GLOBAL, BranchChange, BranchPoint, open_branch
+from .branch import BranchChange, BranchPoint, open_branch
 
 
 @dataclass(frozen=True, slots=True)

@@ -283,7 +283,8 @@ def _words_of(kind: str, values: Sequence[Any], filters: Sequence[Filter]) -> li
     elif kind == "start":
         words = [value if isinstance(value, str) else f"start {n}" for n, value in enumerate(values, 1)]
     else:
-        words = list(map(word_of, values))
+        said = f"{kind.rpartition('.')[2]} "
+        words = [said * isinstance(value, (int, float)) + word_of(value) for value in values]
     return ["" if value is None else word for value, word in zip(values, words, strict=True)]
 
 

@@ -42,6 +42,7 @@ from ..text.library import say_drive, say_places
 from .drive_check import drive_pictures, suited
 from .filters import Filter
 
+GLOBAL = "global"  # the start with particles anywhere
 FARTHEST_M = 1e9  # no map reaches further
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
 
@@ -71,7 +72,7 @@ def start_pose(
         return info.start
     if not isinstance(start, str):
         return np.asarray(start, np.float64)
-    if start == "global":
+    if start == GLOBAL:
         return None
     if start == "tracking":
         if info.start is None:
@@ -194,8 +195,7 @@ def make_runs(
 
     Each is what it would be alone: it gets no sensor that another one asked for. InputError, OptionError.
     """
-    if library.is_map:
-        specs = [spec if spec.preset or spec.config else replace(spec, preset="laser") for spec in specs]
+    specs = preset_for(library, specs)
     asked = [spec.configuration() for spec in specs]
     libraries = completed(asked, library, session.info, listener.progress, listener.warning)
     reference = reference_of(library)
@@ -229,6 +229,12 @@ def make_runs(
     if uses:
         listener.remark("; ".join(uses))
     return runs
+
+
+def preset_for(library: Library, specs: Sequence[Filter]) -> list[Filter]:
+    """Return the filters for a library: on a map of scans a laser's, where nothing else is asked for."""
+    usual = "laser" if library.is_map else None
+    return [spec if spec.preset or spec.config else replace(spec, preset=usual) for spec in specs]
 
 
 def fitted(

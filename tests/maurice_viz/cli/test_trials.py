@@ -109,7 +109,7 @@ def test_what_is_not_known_is_a_dash() -> None:
 
 
 def test_differences_of_pictures_are_pictures() -> None:
-    apart = Difference({"feature": "edges"}, {"feature": "color"}, Interval(2.0, 1.0, 3.0, 7, 7))
+    apart = Difference({"feature": "edges"}, {"feature": "color"}, Interval(2.0, 1.0, 3.0, 7, 7), 0.001)
     shown = printed(_differences([apart], "pictures_to_localize"))
     assert "less that of color" in shown.splitlines()[0]
     assert "whole drive" in " ".join(shown.split())
