@@ -16,7 +16,7 @@ import pytest
 from helpers import expect_facts
 from helpers.commands import failure, run, runs_of
 from maurice_loaders.reading.options import Reading, read_reading
-from maurice_viz.cli.shared.values import reading_of, typed
+from maurice_viz.cli.shared.values import reading_of
 
 
 def in_millimeters(log: Path) -> Path:
@@ -153,12 +153,12 @@ def test_options_are_typed_as_they_are_read():
         odometry_from_truth=True, turn_scale=-1.0, camera_yaw_rad=-math.pi / 4, odometry_are="steps",
         time_unit="ns", truth_offset_s=-1_700_000_000.25,
     )  # fmt: skip
-    read = reading_of(typed(given)[1::2])
+    read = reading_of(given.words[1::2])
     assert replace(read, camera_yaw_rad=0.0, min_angle_rad=0.0) == replace(
         given, camera_yaw_rad=0.0, min_angle_rad=0.0
     )
     assert (read.camera_yaw_rad, read.min_angle_rad) == pytest.approx((-math.pi / 4, math.pi / 6))
-    assert typed(Reading()) == []
+    assert Reading().words == ()
 
 
 @pytest.mark.parametrize(
