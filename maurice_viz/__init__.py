@@ -8,6 +8,7 @@
 | `Live` | a filter that is fed frame by frame, and draws into your own Rerun stream |
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
+| `plot` | columns of runs over time, as a matplotlib figure |
 | `diagnose` | why a filter was lost: one cause for each time |
 | `explain` | explains one step of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
@@ -93,6 +94,7 @@ if TYPE_CHECKING:
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
+    from .plots.runs import plot as plot
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
     from .running.filters import Filter as Filter
