@@ -77,7 +77,8 @@ def test_what_no_system_takes_is_bad_input(function, parameter, bad, valid, tmp_
     positional, named = [], {}
     for other in inspect.signature(function).parameters.values():
         if other.kind is inspect.Parameter.VAR_POSITIONAL:
-            positional = [value] if other.name == parameter.name else [valid["session"]]
+            positional = [*named.values(), value if other.name == parameter.name else valid["session"]]
+            named = {}
         elif other.name == parameter.name:
             named[other.name] = value
         elif other.default is other.empty and other.kind is not inspect.Parameter.VAR_KEYWORD:
