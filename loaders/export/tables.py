@@ -1,18 +1,13 @@
-"""A saved run as tables and trajectories: CSV, Parquet, TUM, KITTI.
+"""A saved run as tables and trajectories: CSV, Parquet, TUM.
 
-TUM has a line `t x y z qx qy qz qw` a pose, KITTI the twelve numbers of the upper three rows of a
-transformation, without a time. Numbers are written so that reading them gives the same float64.
+TUM has a line `t x y z qx qy qz qw` a pose. Numbers are written so that reading them gives the same float64.
 """
 
 from __future__ import annotations
 
 import csv
-import io
-import json
 import math
-import zipfile
-from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +19,6 @@ import polars as pl
 from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.values import F64, U8, LaserScan, compose
 
-from ..errors import InputError
 from ..files.text import plain_cell
 from ..files.writing import filling
 from ..runs.store import SavedRun
@@ -131,25 +125,13 @@ def table_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> I
             writer.writerows({name: plain_cell(value) for name, value in row.items()} for row in sink.rows)
 
 
-# Paths as text that evo, rpg_trajectory_evaluation and others read: TUM and KITTI.
-
-Line = Callable[[float, F64], str]
+# Paths as text that evo, rpg_trajectory_evaluation and others read: TUM.
 
 
 def tum_line(time_s: float, pose: F64) -> str:
     """Write one pose (3,) as TUM has it: seconds, meters, and a quaternion with w last."""
     x, y, heading = (float(v) for v in pose)
-    return _joined(time_s, x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
-
-
-def kitti_line(time_s: float, pose: F64) -> str:
-    """Write one pose (3,) as KITTI has it, in our axes: x and y in the plane, z up."""
-    x, y, heading = (float(v) for v in pose)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return _joined(cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, 1.0, 0.0)
-
-
-def _joined(*values: float) -> str:
+    values = (time_s, x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
     return " ".join(repr(float(value)) for value in values) + "\n"
 
 
@@ -164,20 +146,16 @@ def path_files(file: Path, paths: Sequence[str]) -> dict[str, Path]:
 class PathSink:
     """Writes one line per update into the file of each path; a file is made by its first line."""
 
-    def __init__(self, files: Mapping[str, Path], line: Line, *, together: bool, stack: ExitStack) -> None:
-        self._files, self._line, self._together, self._stack = files, line, together, stack
+    def __init__(self, files: Mapping[str, Path], stack: ExitStack) -> None:
+        self._files, self._stack = files, stack
         self._open: dict[str, TextIO] = {}
-        self.left_out = 0  # updates of which no path has a line
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
-        """Write one update. With `together`, an update without a known truth is left out of all files."""
-        if self._together and step.truth is None:
-            self.left_out += 1
-            return
+        """Write one update: a line for each pose that is known."""
         for name in self._files:
             pose = step.pose(name)
             if pose is not None:
-                self._file(name).write(self._line(step.time_s, pose))
+                self._file(name).write(tum_line(step.time_s, pose))
 
     def _file(self, name: str) -> TextIO:
         if name not in self._open:
@@ -187,89 +165,17 @@ class PathSink:
 
 
 @contextmanager
-def path_sink(
-    files: Mapping[str, Path], line: Line, *, together: bool = False, force: bool = False
-) -> Iterator[PathSink]:
+def path_sink(files: Mapping[str, Path], *, force: bool = False) -> Iterator[PathSink]:
     """Open the files of some paths; all appear when all went well. Raises InputError as for `filling`."""
     with ExitStack() as whole:
         parts = {name: whole.enter_context(filling(file, force=force)) for name, file in files.items()}
         with ExitStack() as opened:
-            yield PathSink(parts, line, together=together, stack=opened)
-
-
-# Errors of a saved run as evo keeps them: the zip of `evo_ape --save_results`, for `evo_res`.
-
-TITLE = "APE w.r.t. translation part (m)\n(not aligned)"
+            yield PathSink(parts, opened)
 
 
 def error_statistics(errors_m: F64) -> dict[str, float]:
-    """Return evo's seven statistics of some errors (N,), N > 0, by its names."""
+    """Return the seven statistics that `evo_ape` prints of some errors (N,), N > 0, by its names."""
     squared = np.square(errors_m)
     statistics = {"rmse": np.sqrt(squared.mean()), "mean": errors_m.mean(), "median": np.median(errors_m)}
     statistics |= {"std": errors_m.std(), "min": errors_m.min(), "max": errors_m.max(), "sse": squared.sum()}
     return {name: float(value) for name, value in statistics.items()}
-
-
-class EvoSink:
-    """Collects seven numbers an update, never the clouds."""
-
-    def __init__(self, label: str) -> None:
-        self._label = label
-        self._numbers = array("d")  # time, truth's pose, estimate's pose, running
-
-    def add(self, step: ExportStep, image: U8 | None) -> None:
-        """Take in one update, if its truth is known."""
-        if step.truth is not None:
-            self._numbers.extend([step.time_s, *step.truth.tolist(), *step.estimate.tolist()])
-
-    @property
-    def rows(self) -> F64:
-        """What was collected, (N, 7): time_s, the truth's pose, the estimate's."""
-        return np.array(self._numbers, np.float64).reshape(-1, 7)
-
-    def statistics(self) -> dict[str, float]:
-        """Return the statistics of the position errors so far; nothing where no truth was known."""
-        return error_statistics(self._errors()) if self._numbers else {}
-
-    def save(self, file: Path) -> None:
-        """Write the zip."""
-        rows = self.rows
-        arrays = {
-            "error_array": self._errors(),
-            "seconds_from_start": rows[:, 0] - rows[0, 0],
-            "timestamps": rows[:, 0],
-            "distances_from_start": _way(rows[:, 1:4]),
-            "distances": _way(rows[:, 4:7]),
-        }
-        names = {"title": TITLE, "label": "APE (m)", "ref_name": "truth", "est_name": self._label}
-        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("info.json", json.dumps(names))
-            archive.writestr("stats.json", json.dumps(self.statistics()))
-            for name, values in arrays.items():
-                content = io.BytesIO()
-                np.save(content, values)
-                archive.writestr(f"{name}.npy", content.getvalue())
-            for name, columns in (("truth", slice(1, 4)), (self._label, slice(4, 7))):
-                archive.writestr(f"{name}.tum", "".join(tum_line(row[0], row[columns]) for row in rows))
-
-    def _errors(self) -> F64:
-        rows = self.rows
-        errors: F64 = np.hypot(rows[:, 4] - rows[:, 1], rows[:, 5] - rows[:, 2])
-        return errors
-
-
-def _way(poses: F64) -> F64:
-    steps = np.diff(poses[:, :2], axis=0)
-    return np.concatenate([[0.0], np.hypot(steps[:, 0], steps[:, 1]).cumsum()])
-
-
-@contextmanager
-def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink]:
-    """Open evo's result file. InputError as for `filling`, and when no truth was known at any update."""
-    with filling(file, force=force) as part:
-        sink = EvoSink(label)
-        yield sink
-        if not len(sink.rows):
-            text = "the run knows no truth, and an error needs one; export a .tum or .csv instead"
-            raise InputError(file, text)
-        sink.save(part)

@@ -1,7 +1,8 @@
-"""Recordings as native logs, as MCAP or as a laser's map; saved runs as paths, tables, MCAP or for evo."""
+"""Recordings as native logs, as MCAP or as a laser's map; saved runs as paths, tables or MCAP."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -226,8 +227,7 @@ class Exported(Plain):
 
 
 Files = Mapping[str, Path]  # those asked for, by kind
-KINDS = ("tum", "kitti", "csv", "parquet", "mcap", "zip")  # what the files end in
-BY_PATH = ("tum", "kitti")  # formats with a file for each path
+KINDS = ("tum", "csv", "parquet", "mcap")  # what the files end in
 
 
 def export(
@@ -241,11 +241,10 @@ def export(
 ) -> Exported:
     """Export estimate, truth and odometry of a saved run; nothing is filtered again.
 
-    `to` is a file or several, at most one of each kind, told by its ending: .tum and .kitti (paths), .csv and
-    .parquet (a row per step), .mcap (ROS 2 messages), .zip (position errors for evo). TUM and KITTI get one
-    file per path, or just the path `only` ("estimate", "truth" or "odometry"). `scored` leaves out the first
-    three steps, as the table of scores does. Lengths are in meters, headings in radians; all files appear
-    together at the end.
+    `to` is a file or several, at most one of each kind, told by its ending: .tum (paths, for evo), .csv and
+    .parquet (a row per step), .mcap (ROS 2 messages). TUM gets one file per path, or just the path `only`
+    ("estimate", "truth" or "odometry"). `scored` leaves out the first three steps, as the table of scores
+    does. Lengths are in meters, headings in radians; all files appear together at the end.
 
     Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
     run, no truth that `only` asks for, no step, or for files that exist (unless `force`).
@@ -261,7 +260,7 @@ def export(
     saved = only_run(Path(run))
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
-    steps, events, errors = 0, 0, tables.EvoSink(saved.manifest.label)
+    steps, events, errors_m = 0, 0, list[float]()
     paths = tables.PATHS if only is None else (only,)
     session, begin_s = _session(saved, "mcap" in files, listener)
     pictures = Pictures(session, listener.warning) if "mcap" in files else None
@@ -273,16 +272,19 @@ def export(
                 step = replace(step, readings=pictures.readings, scan=pictures.scan)
             image = None if step.rows.step["picture"] == PLACEHOLDER else image
             if step.scored or not scored:
-                for sink in (*sinks, errors):
+                for sink in sinks:
                     sink.add(step, image)
+                if step.truth is not None:
+                    errors_m.append(math.hypot(*(step.estimate - step.truth)[:2]))
                 steps += 1
                 events += len(step.rows.step["events"]) + len(step.rows.step["session_events"])
             listener.progress(number, saved.manifest.pictures, "export")
         if not steps:
             raise InputError(saved.folder, "holds no such step, so there is nothing to export; replay more")
-    _report_left_out(saved, sinks, files, events, listener)
+    _report_left_out(saved, files, events, listener)
     written = tuple(file for file in _named(files, paths) if file.exists())  # there may be no truth to write
-    return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
+    statistics = tables.error_statistics(np.array(errors_m)) if errors_m else None
+    return Exported(saved.manifest.label, steps, written, statistics)
 
 
 def _by_kind(names: Sequence[str | Path]) -> dict[str, Path]:
@@ -303,7 +305,7 @@ def _by_kind(names: Sequence[str | Path]) -> dict[str, Path]:
 
 def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:
     for name, file in files.items():
-        yield from tables.path_files(file, paths).values() if name in BY_PATH else [file]
+        yield from tables.path_files(file, paths).values() if name == "tum" else [file]
 
 
 def only_run(folder: Path, label: str | None = None) -> SavedRun:
@@ -330,17 +332,12 @@ def _open(
     session: Session | None,
     force: bool,
 ) -> list[tables.Sink]:
-    channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
-    together = run.manifest.has_truth and len(paths) > 1
+    channels, origin = run.manifest.channels, np.array(run.manifest.origin_m)
     opening: Mapping[str, Callable[[Path], Any]] = {
-        "tum": lambda file: tables.path_sink(tables.path_files(file, paths), tables.tum_line, force=force),
-        "kitti": lambda file: tables.path_sink(
-            tables.path_files(file, paths), tables.kitti_line, together=together, force=force
-        ),
+        "tum": lambda file: tables.path_sink(tables.path_files(file, paths), force=force),
         "csv": lambda file: tables.table_sink(file, channels, force=force),
         "parquet": lambda file: tables.table_sink(file, channels, force=force),
         "mcap": lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
-        "zip": lambda file: tables.evo_sink(file, label, force=force),
     }
     return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
@@ -369,15 +366,10 @@ def _scene(run: SavedRun, session: Session | None) -> McapScene:
     return replace(scene, arena=run.arena())
 
 
-def _report_left_out(
-    run: SavedRun, sinks: Sequence[tables.Sink], files: Files, events: int, listener: Listener
-) -> None:
-    for sink in sinks:
-        if isinstance(sink, tables.PathSink) and sink.left_out:
-            why = "KITTI rows have no time, so that only steps with a known truth are written"
-            listener.remark(f"{files['kitti']}: {sink.left_out} steps are left out: {why}")
-    paths = [str(files[name]) for name in (*BY_PATH, "zip") if name in files]
-    if events and paths:
-        listener.remark(f"{', '.join(paths)}: left out: {events} events, as these files hold poses only")
-    if not run.manifest.has_truth and not files.keys().isdisjoint(BY_PATH):
+def _report_left_out(run: SavedRun, files: Files, events: int, listener: Listener) -> None:
+    if "tum" not in files:
+        return
+    if events:
+        listener.remark(f"{files['tum']}: left out: {events} events, as such files hold poses only")
+    if not run.manifest.has_truth:
         listener.remark("the run has no truth: there is no file of it")

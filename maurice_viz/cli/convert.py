@@ -20,10 +20,9 @@ if TYPE_CHECKING:
     from maurice_loaders.live.session import LiveSession
 
 KINDS_OF_FILES = (
-    ".tum and .kitti: the paths",
+    ".tum: the paths, as evo reads them",
     ".csv and .parquet: a row per step",
     ".mcap: ROS 2 messages, with maurice-replay[ros]",
-    ".zip: position errors as `evo_ape --save_results` has them",
 )
 
 
@@ -147,7 +146,7 @@ def export(
         str | None,
         option(
             "--only",
-            "Only one path for TUM and KITTI. [default: all three]",
+            "Only one path for TUM. [default: all three]",
             **opt.one_of(PATHS, "path"),
         ),
     ] = None,
