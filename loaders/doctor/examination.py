@@ -24,8 +24,9 @@ from maurice_mcl.values.session import Moment, SessionInfo
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import MOST
 from ..formats.registry import chosen, open_recording
-from ..reading.options import MADE_ODOMETRY, Reading, option_name
+from ..reading.options import Reading
 from ..reading.recording import Picture
+from ..reading.session import GIVE_ODOMETRY
 from ..reading.time_alignment import offset_between
 from .findings import Evidence, Finding, RecordedDrive
 from .fixing import fixable, fixed_options, on_robot
@@ -137,27 +138,17 @@ class Examination:
     findings: tuple[Finding, ...]
     fixed: Reading  # what to read it with; as it was read where no option fixes anything
     display_units: str = "m"  # of the session: "m" or "in"
-    fov_known: bool = False  # whether the camera's field of view is stated
     scans: int = 0  # records
 
 
 # how far off the simulated Maurice's drives of docs/formats.md were
 FROM_TRUTH = "0.11 m off on simulated drives, where the wheels' is 0.09 m"
-FROM_PICTURES = "on 8 simulated drives 0.07 m off with landmarks; with channels 0.29 m, and 3 of them lost"
-
-
-def has_view(info: SessionInfo, options: Reading) -> bool:
-    """Return whether the field of view of the camera that is read is stated, by the header or the options."""
-    cameras = info.cameras
-    read = [camera for camera in cameras if camera.name == options.camera] or list(cameras)
-    return bool(options.camera_fov_rad or (read and read[0].horizontal_fov_rad))
 
 
 def made_odometry(info: SessionInfo, options: Reading) -> str:
     """Return where odometry is from that was not measured, by the options or the header; "" for a robot's."""
-    made_by = [name for name in MADE_ODOMETRY if getattr(options, name)]
-    if made_by:
-        return f"it was made here ({option_name(made_by[0])}=true), so it tells nothing of the robot's"
+    if options.odometry_from_truth:
+        return "it was made here (--reading odometry_from_truth=true), so it tells nothing of the robot's"
     noted = any(SYNTHETIC.search(text) for text in (info.name, *info.notes))
     return (
         "it was made and not measured, as the header notes, so it tells nothing of the robot's"
@@ -170,7 +161,7 @@ SYNTHETIC = re.compile(r"odometry (is synthetic|made from|is not measured|from p
 
 
 def odometry_advice(examination: Examination) -> tuple[str, ...]:
-    """Return how odometry can be made for a recording that has none, and how well each way does."""
+    """Return how a recording that has no odometry gets some, and how well one that is made does."""
     if examination.odometry:
         return ()
     ways = []
@@ -178,12 +169,8 @@ def odometry_advice(examination: Examination) -> tuple[str, ...]:
         ways.append(
             f"--reading odometry_from_truth=true makes some from the truth, with noise ({FROM_TRUTH})"
         )
-    if examination.pictures > 1:
-        typed = (
-            f"--reading odometry_from_pictures=true{'' if examination.fov_known else ',camera_fov_deg=60'}"
-        )
-        view = "" if examination.fov_known else "; 60 stands for your camera's horizontal field of view"
-        ways.append(f"{typed} makes some from the pictures alone ({FROM_PICTURES}){view}")
+    elif examination.pictures > 1:
+        ways.append(GIVE_ODOMETRY)
     return tuple(ways)
 
 
@@ -245,12 +232,9 @@ def examine(
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     answers = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
-    info = gathered.info
-    name, shown_in, fov_known = info.name, info.display_units, has_view(info, options)
-    examination = Examination(
-        path, name, *counts, gathered.cut, gathered.warnings, *answers, fixed, shown_in, fov_known
-    )
-    return replace(examination, scans=scans.size)
+    name, shown_in = gathered.info.name, gathered.info.display_units
+    remarks = gathered.warnings
+    return Examination(path, name, *counts, gathered.cut, remarks, *answers, fixed, shown_in, scans.size)
 
 
 def _about_odometry(

@@ -134,13 +134,6 @@ def open_recording(path: Path, options: Reading | None = None, *, unchecked: boo
         raise InputError(path, f"{fault}, and the format {form.name} holds poses in x-y; leave it out")
     rest = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if form.shifts else options
     recording = corrected(opening(path, options), rest)
-    if options.odometry_from_pictures:
-        if options.odometry_from_truth:
-            both = "found odometry_from_truth and odometry_from_pictures"
-            raise InputError(path, f"{both}, expected one of them; leave one out")
-        from ..reading.picture_odometry import odometry_from_pictures
-
-        return odometry_from_pictures(recording, options)
     if not options.odometry_from_truth:
         return recording
     return odometry_from_truth(recording, options.odometry_seed)

@@ -2,7 +2,7 @@
 
 * `options`: how a recording is read; `recording`: records in time order, which every format is read into
 * `transforms`: recordings corrected, with odometry made, with fewer pictures
-* `picture_odometry`: odometry from pictures; `jumps`: jumps of odometry; `plane`: the plane of the motion
+* `jumps`: jumps of odometry; `plane`: the plane of the motion
 * `time_alignment`: clocks, and pictures paired with odometry and truth by time
 * `observations`: what makes the moments: pictures, or a laser's scans
 * `session`: a recording as a session

@@ -26,7 +26,7 @@ TIME_UNITS = ("s", "ms", "us", "ns")
 JUMPING = "jumping"
 MOTIONS_ARE = ("poses", "steps", JUMPING)  # what odometry may hold: the first two where motions are expected
 TABLE = "reading"  # of the TOML file
-MADE_ODOMETRY = ("odometry_from_truth", "odometry_from_pictures")  # options that make odometry
+RETIRED = ("odometry_from_pictures", "picture_step_m", "camera_height_m")  # in manifests of older versions
 
 Group = Literal["source", "table", "pictures", "made odometry", "correction", "errors"]
 
@@ -147,18 +147,8 @@ class Reading:
         bool, Meaning("Make odometry from the truth, with noise, if there is none.", "made odometry")
     ] = False
     odometry_seed: Annotated[int, Meaning("Seed of that noise.", "made odometry", least=0)] = 0
-    odometry_from_pictures: Annotated[
-        bool, Meaning("Make odometry from the pictures, if there is none.", "made odometry")
-    ] = False
-    picture_step_m: Annotated[
-        float, Meaning("Way between pictures, where the floor tells none. [default: median]", "made odometry")
-    ] = 0.0
     camera_fov_rad: Annotated[
-        float,
-        Meaning("Horizontal field of view; landmarks use it too. [default: the header's]", "made odometry"),
-    ] = 0.0
-    camera_height_m: Annotated[
-        float, Meaning("Camera above the floor. [default: the header's]", "made odometry")
+        float, Meaning("Horizontal field of view, for landmarks. [default: the header's]", "pictures")
     ] = 0.0
     keep_going: Annotated[bool, Meaning("Skip broken parts and report how many.", "errors")] = False
 
@@ -312,7 +302,7 @@ def reading_from_json(value: Any) -> Reading:
     given = {
         name: choice
         for name, choice in mapping(value, TABLE).items()
-        if choice is not None or getattr(usual, name, None) is not None
+        if name not in RETIRED and (choice is not None or getattr(usual, name, None) is not None)
     }
     try:
         return replace(usual, **checked(given, known))

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 
 MOST_KEPT = 5000  # moments without pictures: some kilobytes each
 WIDEST_RAD = float(np.radians(170))
+NAME_ODOMETRY = "name a bag's topic with --reading odometry_topic=..."
+GIVE_ODOMETRY = (
+    f"{NAME_ODOMETRY}, or beside a folder or video a table of the wheels' or another program's path "
+    "(odometry_x, odometry_y, odometry_heading_rad) with --reading table=..."
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -293,12 +298,7 @@ class _Updates:
     def _tell(self) -> None:
         observed, odometry = self._observed, self._odometry
         if observed.count and self._session.odometry is None:
-            advice = "name a bag's topic with --reading odometry_topic=..."
-            if self._what == "pictures":
-                advice = (
-                    "name a table of poses with --reading table=..., a bag's topic with odometry_topic=..., "
-                    "or try odometry_from_pictures=true"
-                )
+            advice = GIVE_ODOMETRY if self._what == "pictures" else NAME_ODOMETRY
             if self.truths:
                 advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"
             only = f"the filter only has the {self._what} to go by"

@@ -23,7 +23,7 @@ from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F64, Belief, FilterState, Library, Moment, Past, StepRecord
 
 from ..errors import SILENT, Listener, OptionError
-from ..running.drive_check import drive_pictures
+from ..running.drive_check import MOST_UPDATES
 from ..running.filters import Filter, word_of
 from ..running.open import GLOBAL, fitted
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
@@ -264,7 +264,9 @@ def open_branch(run: str | Path, listener: Listener = SILENT) -> BranchPoint:
         listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")
     localizer = localizer_of(saved, session, library)
     reference = reference_of(library)
-    return BranchPoint(saved, session, library, localizer, reference, cache(partial(drive_pictures, session)))
+    return BranchPoint(
+        saved, session, library, localizer, reference, cache(partial(session.known_pictures, MOST_UPDATES))
+    )
 
 
 def step_before_loss(verdict: RunVerdict) -> int | None:

@@ -30,14 +30,6 @@ SAME_POSE = 2e-3  # meters and radians between a picture and the reference that 
 SCALE_KEYS = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
 
 
-def drive_pictures(session: RecordedSession) -> list[DrivePicture]:
-    """Return the pictures of a drive's beginning whose true poses are known, in order.
-
-    None where odometry is made from the pictures: reading it would take as long as the drive.
-    """
-    return [] if session.options.odometry_from_pictures else session.known_pictures(MOST_UPDATES)
-
-
 def score_of(sensor: SensorModel, right_m: float, pictures: Sequence[DrivePicture]) -> DriveScore | None:
     """Score a drive's pictures by a sensor's channels; None for one without any, or no known pose."""
     if not sensor.weights or sensor.parameters.sharpness == 0 or not pictures:
@@ -53,7 +45,9 @@ def score_feature(library: Library, weights: Mapping[str, float], session: Recor
     scaled, places = adapted(configuration, library, reference)
     localizer = build_localizer(library, None, scaled.parameters, reference=reference)
     ours = _unwidened(localizer.sensor.parameters, 1.0 if places is None else places.widening)
-    pictures = [picture for picture in drive_pictures(session) if not _is_in(library, picture.truth)]
+    pictures = [
+        picture for picture in session.known_pictures(MOST_UPDATES) if not _is_in(library, picture.truth)
+    ]
     score = score_of(replace(localizer.sensor, parameters=ours), localizer.radii.right_m, pictures)
     return DriveScore(0, np.nan) if score is None else score
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from maurice_loaders.errors import SourceError
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading.observations import gate_of
-from maurice_loaders.reading.options import MADE_ODOMETRY, Reading
+from maurice_loaders.reading.options import Reading
 from maurice_loaders.runs.manifest import check_run_target
 from maurice_mcl.values import Library, Moment
 
@@ -74,11 +74,10 @@ def follow_source(
         if live.capture is None:
             raise OptionError("--save-run of a live source needs what came as well: add --capture DIR")
         check_run_target(output.folder, force=output.force)
-    options = [option for option in MADE_ODOMETRY if getattr(reading, option)]
-    if reading.corrections or options:
-        what = reading.corrections[0] if reading.corrections else f"--reading {options[0]}=true"
+    changes = [*reading.corrections, *["--reading odometry_from_truth=true"] * reading.odometry_from_truth]
+    if changes:
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
-        raise OptionError(f"{what} needs a recording; {advice}")
+        raise OptionError(f"{changes[0]} needs a recording; {advice}")
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 
     command = None if live.on_lost is None else LossCommand(live.on_lost, listener)

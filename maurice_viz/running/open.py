@@ -39,7 +39,7 @@ from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.findings import brief
 from ..text.library import say_drive, say_places
-from .drive_check import drive_pictures, suited
+from .drive_check import MOST_UPDATES, suited
 from .filters import Filter
 
 GLOBAL = "global"  # the start with particles anywhere
@@ -278,7 +278,7 @@ def fitted(
 
 def _pictures_of(session: SourcedSession) -> list[DrivePicture]:
     """Return pictures of a drive whose true poses are known; none of a live one."""
-    return drive_pictures(session) if isinstance(session, RecordedSession) else []
+    return session.known_pictures(MOST_UPDATES) if isinstance(session, RecordedSession) else []
 
 
 EDGE_M = 0.05

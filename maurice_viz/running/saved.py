@@ -15,7 +15,6 @@ from maurice_loaders.files.text import expect_regular
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.completed import completed, with_channels
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.picture_odometry import FROM_PICTURES
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import NAMED
 from maurice_loaders.runs.manifest import (
@@ -36,6 +35,8 @@ from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
 from .recorded import RecordedFrames, open_recorded, scene_of_recorded
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
+
+FROM_PICTURES = "(odometry from pictures)"  # ends the name of a session that an older version read so
 
 
 def unchanged(
@@ -58,6 +59,8 @@ def session_of(run: SavedRun) -> RecordedSession:
     if run.manifest.recorded:
         what = "is another localizer's run, as recorded: its filter is not here, so it cannot be run again"
         raise InputError(run.folder, f"{what}; replay the recording with a filter of ours")
+    if run.manifest.name.endswith(FROM_PICTURES):
+        raise InputError(run.folder, "its odometry was made from pictures, which is done no longer")
     reading, path = run.manifest.reading, recording_path(run)
     table = run.manifest.table
     table_path = None if table is None else unchanged(table, run.folder, "table")
@@ -165,9 +168,7 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
         library = Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
     localizers_known: Sequence[Localizer | None] = localizers or [None] * len(runs)
     restored = [Restored(*pair) for pair in zip(runs, localizers_known, strict=True)]
-    reading = manifest.reading
-    odometry_from = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
-    notes = tuple(named for named, is_so in odometry_from if is_so)
+    notes = (NAMED,) if manifest.reading.odometry_from_truth else ()
     info = session.info if session else SessionInfo(manifest.name, manifest.display_units, notes=notes)
     scene = Scene(info, library, manifest.has_truth, manifest.pictures)
     return Opened(runs, restored, session, scene, folder, listener)

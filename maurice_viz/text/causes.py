@@ -356,8 +356,6 @@ def say_incident(incident: Incident, scale: Scale) -> str:
         return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
     if incident.kind == kinds.LEAPT:
         return f"Odometry jumped at {at}: by {expected}, the robot moved {actual}"
-    if incident.kind == kinds.OVERSTATED:
-        return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
     if incident.kind == kinds.JUMPED:
         return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
     if incident.kind == kinds.CARRIED:

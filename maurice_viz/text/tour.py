@@ -9,7 +9,6 @@ from maurice_mcl.reasons.causes import (
     DARK,
     JUMPED,
     LEAPT,
-    OVERSTATED,
     SLIPPED,
     UNKNOWN,
     Failure,
@@ -40,7 +39,6 @@ LOOKS = {
     JUMPED: "The white disk jumps; odometry did not feel it.",
     SLIPPED: WENT_ON,
     LEAPT: "The dots jump with odometry; the white disk does not.",
-    OVERSTATED: WENT_ON,
     DARK: "The camera is dark: its picture fits no place more than others.",
 }
 

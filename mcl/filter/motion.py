@@ -224,64 +224,13 @@ class OmniMotion:
         return _poses(*moved, wrap(heading))
 
 
-@dataclass(frozen=True, slots=True)
-class PictureMotionParameters:
-    """Noise of odometry from pictures; fitted on simulated drives, arena seeds 1 to 8."""
-
-    turn_sd_rad: float = 0.04
-    direction_sd_rad: float = 0.2
-    way_share: float = 0.4  # sd of the logarithm of a length
-    unseen_turn_sd_rad: float = 1.4  # where the pictures have nothing in common
-    unseen_way_share: float = 0.5  # the same of a length then
-    standing_way_sd_m: float = 0.03  # of a robot that stands or turns in place, in any direction
-    standing_turn_sd_rad: float = 0.005
-    standing_turn_share: float = 0.05  # sd of its turn, of the turn: the field of view is known so well
-
-
-@dataclass(frozen=True, slots=True)
-class PictureMotion:
-    """Odometry from pictures: sharp in the turn, vague in the length.
-
-    A turn of exactly zero stands for pictures that tell nothing: any turn is possible then, and the
-    direction of travel is anywhere between the headings before and after. Another turn with a length of
-    zero is a robot that stands or turns in place.
-    """
-
-    parameters: PictureMotionParameters = PictureMotionParameters()
-
-    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
-        """See `MotionModel.move`; columns of `noise`: direction, length, turn."""
-        p = self.parameters
-        forward, left, turn = (float(v) for v in motion)
-        distance_m, unseen = float(np.hypot(forward, left)), turn == 0
-        if distance_m == 0 and not unseen:
-            return self._standing(poses, turn, noise)
-        turned = np.float32(turn) + noise[:, 2] * np.float32(
-            p.unseen_turn_sd_rad if unseen else p.turn_sd_rad
-        )
-        course = poses[:, 2] + np.float32(np.arctan2(left, forward))
-        course += turned * (noise[:, 0] + 1) / 2 if unseen else noise[:, 0] * np.float32(p.direction_sd_rad)
-        share = p.unseen_way_share if unseen else p.way_share
-        length = np.float32(distance_m) * np.exp(noise[:, 1] * np.float32(share))
-        moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
-        return _poses(*moved, wrap(poses[:, 2] + turned))
-
-    def _standing(self, poses: F32, turn: float, noise: F32) -> F32:
-        p = self.parameters
-        sd = np.float32(np.hypot(p.standing_turn_sd_rad, p.standing_turn_share * turn))
-        x, y = (poses[:, k] + noise[:, k] * np.float32(p.standing_way_sd_m) for k in (0, 1))
-        return _poses(x, y, wrap(poses[:, 2] + np.float32(turn) + noise[:, 2] * sd))
-
-
 def _poses(x: F32, y: F32, heading: F32) -> F32:
     poses = np.empty((3, len(x)), np.float32)  # column by column
     poses[0], poses[1], poses[2] = x, y, heading
     return poses.T
 
 
-Parameters = TypeVar(
-    "Parameters", MauriceParameters, OdometryParameters, OmniParameters, PictureMotionParameters
-)
+Parameters = TypeVar("Parameters", MauriceParameters, OdometryParameters, OmniParameters)
 
 
 def from_header(kind: type[Parameters], values: Mapping[str, Any]) -> Parameters:
@@ -395,10 +344,6 @@ MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[
                 lambda constants, grid: OdometryMotion(constants),
             ),
             "omni": (partial(from_header, OmniParameters), lambda constants, grid: OmniMotion(constants)),
-            "pictures": (
-                partial(from_header, PictureMotionParameters),
-                lambda constants, grid: PictureMotion(constants),
-            ),
         }
     )
 )

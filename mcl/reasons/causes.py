@@ -69,7 +69,6 @@ CARRIED = "carried"  # the log says so: expected None, actual meters
 JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters
 SLIPPED = "slipped"  # odometry went on while the robot did not: expected and actual meters
 LEAPT = "leapt"  # odometry jumped, far faster than it ever went: expected (by odometry) and actual meters
-OVERSTATED = "overstated"  # the same where odometry is made from pictures: no wheel slipped
 TURNED = "turned"  # the log tells of a slip: its words
 DARK = "dark"  # pictures darker than any before: expected and actual mean gray level, 0 to 255
 LIGHTS = "lights"  # the log tells of another light: its words
@@ -90,7 +89,6 @@ INCIDENTS: Mapping[str, IncidentKind] = {
     JUMPED: IncidentKind(KIDNAPPED, "the truth jumps", is_loud=True),
     SLIPPED: IncidentKind(MOTION, "the wheels slip", is_loud=True, shows_at_end=True),
     LEAPT: IncidentKind(MOTION, "odometry jumps", is_loud=True),
-    OVERSTATED: IncidentKind(MOTION, "odometry too long", shows_at_end=True),
     TURNED: IncidentKind(MOTION, "the wheels slip"),
     DARK: IncidentKind(LIGHTING, "lights out", is_loud=True),
     LIGHTS: IncidentKind(LIGHTING, "the light changes"),
@@ -184,7 +182,6 @@ class IncidentFinder:
     """Follows the drive of one run update by update; keeps a few numbers."""
 
     incidents: tuple[Incident, ...] = ()
-    too_long: str = SLIPPED  # what a movement is called that odometry says is much longer than it was
     levels: F64 | None = None  # (L, 3) of the references; None: not known how dark a view may be
     _truth: F64 | None = None  # of the update before
     _time_s: float = float("nan")  # of the update before
@@ -246,12 +243,12 @@ class IncidentFinder:
         if driven_m - moved_m <= max(slip_m, SLIP_SHARE * driven_m):
             return
         last = self.incidents[-1] if self.incidents else None
-        if last is not None and last.kind == self.too_long and last.last == step - 1:
+        if last is not None and last.kind == SLIPPED and last.last == step - 1:
             expected, actual = (last.expected or 0.0) + driven_m, (last.actual or 0.0) + moved_m
             slip = replace(last, last=step, expected=expected, actual=actual)
             self.incidents = (*self.incidents[:-1], slip)
         else:
-            self._add(Incident(self.too_long, step, step, driven_m, moved_m))
+            self._add(Incident(SLIPPED, step, step, driven_m, moved_m))
 
     def _look(self, step: int, record: StepRecord, log_tells: bool) -> None:
         """Look whether the picture is darker than the place can be; not where none was compared."""

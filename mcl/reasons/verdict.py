@@ -14,7 +14,6 @@ import numpy as np
 
 from ..filter.estimate import modes
 from ..filter.localizer import LEFT_MAP, Localizer
-from ..filter.motion import PictureMotion
 from ..scoring.comparison import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
@@ -25,8 +24,6 @@ from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
     CARRIED,
-    OVERSTATED,
-    SLIPPED,
     Failure,
     Incident,
     IncidentFinder,
@@ -308,8 +305,7 @@ class VerdictBuilder:
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None:
-            too_long = OVERSTATED if isinstance(localizer.motion, PictureMotion) else SLIPPED
-            self._incidents = IncidentFinder((), too_long, levels_of(localizer.library))
+            self._incidents = IncidentFinder(levels=levels_of(localizer.library))
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""

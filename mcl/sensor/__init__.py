@@ -8,7 +8,6 @@ Nothing here moves, weighs or resamples particles, which is the work of `filter`
 - `map_places`: a map as a library, for robots without a camera
 - `virtual_references`: what a picture taken midway between surveyed ones would measure
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
-- `visual_odometry`: how the robot moved between two pictures
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `outside`: pose sensors of other packages, loaded by name
 - `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own

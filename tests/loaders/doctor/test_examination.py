@@ -171,21 +171,13 @@ def test_without_odometry_it_says_how_some_is_made(write_log: WriteLog, pixel: d
     def said(*records: dict[str, Any]) -> list[str]:
         ordered = sorted(records, key=lambda one: float(one["t"]))
         advice = odometry_advice(examine(write_log(*ordered), Reading(), None))
-        return [one.split("=")[0] for one in advice]
+        return [text.split("=")[0] for text in advice]
 
-    made = ["--reading odometry_from_truth", "--reading odometry_from_pictures"]
-    assert said(*pictures, *truth) == made
-    assert (said(*truth), said(*pictures), said(*pictures, *odometry)) == (made[:1], made[1:], [])
-
-
-def test_odometry_from_pictures_is_offered_with_the_view_that_it_needs(
-    write_log: WriteLog, pixel: dict[str, Any]
-) -> None:
-    log = write_log(*({"t": t, "image": pixel} for t in range(3)))
-    (without,) = odometry_advice(examine(log, Reading(), None))
-    assert without.startswith("--reading odometry_from_pictures=true,camera_fov_deg=60 makes")
-    (stated,) = odometry_advice(examine(log, Reading(camera_fov_rad=1.2), None))
-    assert stated.startswith("--reading odometry_from_pictures=true makes")
+    from_truth = ["--reading odometry_from_truth"]
+    assert said(*pictures, *truth) == said(*truth) == from_truth
+    assert said(*pictures, *odometry) == []
+    (given,) = said(*pictures)
+    assert given.endswith("--reading odometry_topic")
 
 
 SIZES = st.floats(allow_nan=False, allow_infinity=False)

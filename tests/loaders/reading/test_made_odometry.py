@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from helpers import expect_facts
 from helpers.format_samples import sample
 from helpers.recordings import Given, odometry
 from maurice_loaders.errors import InputError
@@ -30,6 +31,7 @@ from maurice_mcl.values.geometry import compose, motion_between
 from maurice_viz.cli.app import app
 
 MADE = Reading(odometry_from_truth=True)
+COLUMNS = ("odometry_x", "odometry_y", "odometry_heading_rad")
 QUIET = OdometryNoise(0, 0, 0)
 
 
@@ -125,10 +127,25 @@ def test_what_can_be_done_is_said_and_gating_counts_made_odometry(tmp_path: Path
     for session in (with_truth, without):
         list(session.moments())
     assert any("odometry_from_truth" in text for text in with_truth.warnings)
-    assert any("table=" in text for text in without.warnings)
+    (told,) = [text for text in without.warnings if "odometry" in text]
+    expect_facts(told, "found no odometry", "odometry_topic=", *COLUMNS, "table=")
     assert not any("odometry_from_truth" in text for text in without.warnings)
     made = open_recording(sample("kitti", tmp_path / "made"), MADE)
     assert RecordedSession(made, Reading(min_distance_m=0.08)).overview()[0] == 2
+
+
+@pytest.mark.parametrize("name", ["pictures", "video"])
+def test_pictures_alone_get_the_path_that_the_line_asks_for(name: str, tmp_path: Path) -> None:
+    path, table = sample(name, tmp_path / "made"), tmp_path / "path.csv"
+    rows = [f"{k},{0.1 * k},0,0" for k in range(open_session(path).count_pictures())]
+    table.write_text("\n".join([",".join(["frame", *COLUMNS]), *rows]))
+    session = open_session(path, table=table)
+    first, *others = session.moments()
+    assert not any("no odometry" in text for text in session.warnings)
+    assert len(first.frame.motions) == 0
+    assert others
+    for moment in others:
+        np.testing.assert_allclose(moment.frame.motions, [[0.1, 0, 0]])
 
 
 def test_a_drive_begins_at_its_first_true_pose() -> None:

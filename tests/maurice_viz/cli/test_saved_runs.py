@@ -85,6 +85,21 @@ def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_em
     assert "session.log" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
+def test_a_run_of_an_older_version_whose_odometry_was_made_from_pictures_shows_its_numbers(saved, tmp_path):
+    file = tmp_path / "kept" / "manifest.json"
+    older = json.loads(file.read_text())
+    older["reading"] |= {"odometry_from_pictures": False, "picture_step_m": 0.0, "camera_height_m": 0.0}
+    file.write_text(json.dumps(older))
+    assert maurice("kept", "-o", "none", "--json") == (saved, "")
+    older["reading"]["odometry_from_pictures"] = True
+    older["name"] += " (odometry from pictures)"
+    file.write_text(json.dumps(older))
+    out, err = maurice("kept", "-o", "none", "--json")
+    assert runs_of(out)[0]["updates"] == 14
+    expect_facts(one_line(err), "made from pictures", "panels of pictures and comparisons stay empty")
+    assert "made from pictures" in one_line(maurice("verify", "kept", expect=1)[1])
+
+
 def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
     """Its weight is kept with the run; its code is not."""
     folder = tmp_path / "kept"

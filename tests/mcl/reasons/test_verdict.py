@@ -13,7 +13,6 @@ from maurice_mcl.reasons.causes import (
     DARK,
     JUMPED,
     LEAPT,
-    OVERSTATED,
     PROPOSAL,
     SLIPPED,
     Incident,
@@ -111,14 +110,6 @@ def test_wheels_that_slip_are_one_cause_over_several_steps():
 def test_odometry_that_jumps_is_no_slip():
     (cause,) = drive([(0.3, 0.3)] * 8 + [(9.0, 0.3)] + [(0.3, 0.3)] * 2).incidents
     assert (cause.kind, cause.step, cause.expected) == (LEAPT, 9, pytest.approx(9.0))
-
-
-def test_no_wheel_slips_where_odometry_is_made_from_pictures():
-    pictures = mcl.make_localizer(mcl.tiny_library(), motion={"model": "pictures"})
-    found = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)], localizer=pictures)
-    (cause,) = found.incidents
-    assert (cause.kind, cause.step, cause.last) == (OVERSTATED, 4, 5)
-    assert found.telling_incidents == ()
 
 
 def test_a_small_slip_counts_only_where_the_log_tells_of_it():
