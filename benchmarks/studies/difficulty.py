@@ -79,7 +79,7 @@ def tracked(
 ) -> tuple[float, bool]:
     localizer = thesis_filter(library, channels, sharpness)
     score = mcl.score(mcl.run(localizer, session))
-    return (score.position_error_mean_m or 0.0) / INCH_M, bool(score.lost)
+    return (score.error_mean_m or 0.0) / INCH_M, bool(score.lost)
 
 
 def retrieval(session: mcl.Session, library: mcl.Library) -> dict[str, float]:

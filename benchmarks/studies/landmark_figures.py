@@ -51,7 +51,7 @@ class Point:
 def errors(rows: pl.DataFrame) -> dict[str, Interval]:
     """Return the mean position error in inches by label, with its 95 percent interval."""
     return {
-        str(label): mean(some["error_m"].to_numpy() / INCH_M, clusters_of(some))
+        str(label): mean(some["error_mean_m"].to_numpy() / INCH_M, clusters_of(some))
         for (label,), some in rows.group_by("label", maintain_order=True)
     }
 
@@ -168,7 +168,7 @@ def against_spacing(rows: pl.DataFrame) -> Figure:
     axes = figure.add_subplot()
     rows = rows.with_columns(spacing=pl.col("session").str.extract(r"(\d+)$").cast(pl.Float64))
     for label, some in rows.group_by("label", maintain_order=True):
-        _line(axes.errorbar, some, "error_m", str(label[0]))
+        _line(axes.errorbar, some, "error_mean_m", str(label[0]))
     first = rows.filter(pl.col("label") == rows["label"][0])
     _line(partial(axes.errorbar, color="gray"), first, "oracle_m", "distance to the nearest reference")
     axes.set(ylim=(0, None), xlabel="distance between places of the survey (in)")

@@ -138,7 +138,7 @@ def tables(rows: pl.DataFrame) -> Iterator[list[str]]:
 
 def _tracking(rows: pl.DataFrame) -> tuple[str, str]:
     """Return the mean error where the map is known; the share of updates lost, and off the mapped part."""
-    off, turned, mapped = (_lists(rows, name) for name in ("off_m", "off_rad", "mapped"))
+    off, turned, mapped = (_lists(rows, name) for name in ("error_m", "heading_error_rad", "mapped"))
     known = [share >= LEFT for share in mapped]
     known_off = [o[k] for o, k in zip(off, known, strict=True)]
     errors, lost = [float(o.mean()) for o in known_off], np.concatenate(known_off) > LOST_M
@@ -185,7 +185,7 @@ def _lists(rows: pl.DataFrame, name: str) -> list[F64]:
 
 def _right(rows: pl.DataFrame) -> list[Bool]:
     """Return for each run which of its updates are right."""
-    both = zip(_lists(rows, "off_m"), _lists(rows, "off_rad"), strict=True)
+    both = zip(_lists(rows, "error_m"), _lists(rows, "heading_error_rad"), strict=True)
     return [(off_m < RIGHT_M) & (off_rad < RIGHT_RAD) for off_m, off_rad in both]
 
 

@@ -72,7 +72,7 @@ def main() -> None:
 def row(rows: pl.DataFrame) -> str:
     """Return one line of the table."""
     entry, clusters = rows.row(0, named=True), clusters_of(rows)
-    error = mean(rows["error_m"].to_numpy() / INCH_M, clusters)
+    error = mean(rows["error_mean_m"].to_numpy() / INCH_M, clusters)
     oracle = rows["oracle_m"].to_numpy().mean() / INCH_M
     localized = rows["pictures_to_localize"].is_not_null()
     localizing = (
@@ -102,14 +102,14 @@ def apart(rows: pl.DataFrame, first: str, second: str) -> str:
     both = a.join(b, on="seed", suffix="_second").sort("seed")
     if both.is_empty():
         return ""
-    values = (both["error_m"] - both["error_m_second"]).to_numpy() / INCH_M
+    values = (both["error_mean_m"] - both["error_mean_m_second"]).to_numpy() / INCH_M
     return _said(mean(values, clusters_of(both)), 1, "+")
 
 
 def _heading(rows: pl.DataFrame) -> str:
     """Return the mean over drives of a drive's mean, and of its median where older rows do not lack it."""
     median = rows["heading_error_median_rad"].mean() if "heading_error_median_rad" in rows.columns else None
-    values = rows["heading_error_rad"].mean(), median
+    values = rows["heading_error_mean_rad"].mean(), median
     return ", ".join(f"{np.degrees(value):.1f}" for value in values if value is not None)
 
 

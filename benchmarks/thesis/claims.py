@@ -43,7 +43,7 @@ CLAIMS = (
             Bound("error with 4.9 degrees more a straight less without", "in", high=0.5),
             Bound("more tracks lost", "points", high=5, digits=0),
         ),
-        difference(TRACKS, "label", THESIS, "more heading noise", "error_m", "lost"),
+        difference(TRACKS, "label", THESIS, "more heading noise", "error_mean_m", "lost"),
         least=RATE,
     ),
     Claim(

@@ -34,7 +34,7 @@ OVER_PARTICLES = (
         "Global localization: error with color and edges blended",
         partial(
             counts.by_feature,
-            metric="error_m",
+            metric="error_mean_m",
             label="mean error of a run (in)",
             features=("color", "blended"),
         ),
@@ -42,7 +42,9 @@ OVER_PARTICLES = (
     ThesisFigure(
         60,
         "Global localization: error with color alone",
-        partial(counts.by_feature, metric="error_m", label="mean error of a run (in)", features=("color",)),
+        partial(
+            counts.by_feature, metric="error_mean_m", label="mean error of a run (in)", features=("color",)
+        ),
     ),
     ThesisFigure(
         61,

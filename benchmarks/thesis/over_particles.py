@@ -92,13 +92,13 @@ def before_loss(material: Material, *, log: bool) -> Figure:
 
 def error(material: Material, *, fitted: bool = False) -> Figure:
     """Draw the mean error of position tracking against the number of particles; with a fit over its log."""
-    rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null())
+    rows = material.part("position-tracking").filter(pl.col("error_mean_m").is_not_null())
     drawing, axes = figure("", "particles", "mean error of a run (in)")
-    x, y = _jittered(_column(rows, PARTICLES)), _inches(rows, "error_m")
+    x, y = _jittered(_column(rows, PARTICLES)), _inches(rows, "error_mean_m")
     axes.plot(x, y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
-    _means(axes, rows, "error_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
+    _means(axes, rows, "error_mean_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
     if fitted:
-        _fit(axes, rows, "error_m", 1)
+        _fit(axes, rows, "error_mean_m", 1)
         _thesis(axes)
     axes.set_ylim(0)
     _finish(axes)
@@ -107,9 +107,13 @@ def error(material: Material, *, fitted: bool = False) -> Figure:
 
 def error_by_run(material: Material) -> Figure:
     """Draw the mean error of each run, runs ordered by their number of particles."""
-    rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null()).sort(PARTICLES, "seed")
+    rows = (
+        material.part("position-tracking")
+        .filter(pl.col("error_mean_m").is_not_null())
+        .sort(PARTICLES, "seed")
+    )
     drawing, axes = figure("", "run, ordered by number of particles", "mean error of a run (in)")
-    y = _inches(rows, "error_m")
+    y = _inches(rows, "error_mean_m")
     axes.plot(np.arange(1, len(y) + 1), y, ".", color=ACTUAL, label=_runs(rows, "each run"))
     counts = _column(rows, PARTICLES)
     for first in np.flatnonzero(np.diff(counts, prepend=-1)):
@@ -146,7 +150,7 @@ def final_error(material: Material, features: Sequence[str] = ("color",)) -> Fig
     good = rows.filter(pl.col("failure").is_null())
     axes.plot(
         _jittered(_column(good, PARTICLES)),
-        _inches(good, "final_error_m"),
+        _inches(good, "error_final_m"),
         "o",
         color="#888D96",
         ms=4,
@@ -161,7 +165,7 @@ def final_error(material: Material, features: Sequence[str] = ("color",)) -> Fig
     ]
     for label, some, marker, color in (*classes, (f"failed: {_causes(other)}", other, *OTHERS)):
         if not some.is_empty():
-            x, y = _jittered(_column(some, PARTICLES)), _inches(some, "final_error_m")
+            x, y = _jittered(_column(some, PARTICLES)), _inches(some, "error_final_m")
             axes.plot(x, y, marker, color=color, ms=5, alpha=0.7, label=_runs(some, label))
     axes.set_ylim(0)
     _finish(axes)

@@ -114,7 +114,9 @@ def ambiguous(material: Material) -> Samples:
     """Replace the ambiguous sensor alone by the best one, on the same drives: how much error is left?"""
     rows = material.part("blended")
     before = rows.with_columns(
-        error_m=pl.when(pl.col("feature") == "color").then(pl.col("error_m") / 2).otherwise("error_m")
+        error_mean_m=pl.when(pl.col("feature") == "color")
+        .then(pl.col("error_mean_m") / 2)
+        .otherwise("error_mean_m")
     )
     return (differences(before, "feature", "color", "best"),)
 

@@ -57,7 +57,7 @@ def shares(rows: pl.DataFrame, flags: pl.Expr) -> Sample:
 
 
 def differences(
-    rows: pl.DataFrame, key: str, first: object, other: object, metric: str = "error_m"
+    rows: pl.DataFrame, key: str, first: object, other: object, metric: str = "error_mean_m"
 ) -> Sample:
     """Return the sample of a metric of `other` less that of `first`, drive by drive; errors in inches."""
     before, after = (
@@ -78,7 +78,7 @@ def difference(part: str, key: str, first: str, other: str, *metrics: str, sessi
     def test(material: Material) -> Samples:
         rows = material.part(part)
         rows = rows.filter(pl.col("session") == session) if session else rows
-        return tuple(differences(rows, key, first, other, name) for name in metrics or ("error_m",))
+        return tuple(differences(rows, key, first, other, name) for name in metrics or ("error_mean_m",))
 
     return test
 
@@ -96,7 +96,7 @@ def error_by_count(material: Material) -> Samples:
     if good["particles"].n_unique() < 2:
         raise MissingRuns(None, "holds no drive with several particle counts, none of them lost")
     counts = good["particles"].cast(pl.Float64).to_numpy()
-    return (Sample(SLOPE, good["error_m"].to_numpy() / INCH_M, clusters_of(good), counts),)
+    return (Sample(SLOPE, good["error_mean_m"].to_numpy() / INCH_M, clusters_of(good), counts),)
 
 
 def hundred_particles(material: Material) -> Samples:
@@ -110,10 +110,10 @@ def hundred_particles(material: Material) -> Samples:
 
 def typical_error(material: Material) -> Samples:
     """Tell the shares of updates up to the typical error and above the occasional one, run by run."""
-    rows = tracks(material).filter(pl.col("off_m").is_not_null())
+    rows = tracks(material).filter(pl.col("error_m").is_not_null())
     if rows.is_empty():
         raise MissingRuns(None, "holds no errors of updates")
-    off = [np.array(values, np.float64)[FIRST_SCORED - 1 :] for values in rows["off_m"].to_list()]
+    off = [np.array(values, np.float64)[FIRST_SCORED - 1 :] for values in rows["error_m"].to_list()]
     typical, rare = (
         np.array([float(hits.mean()) for hits in flags])
         for flags in ([values <= TYPICAL_M for values in off], [values > RARE_M for values in off])

@@ -131,7 +131,7 @@ def exact_table(material: Material) -> str:
                 share(some[column].fill_null(False).to_numpy(), clusters).text(100, 0)
                 for column in ("lost", "right_at_end", "succeeded_tenth")
             ]
-            error = mean(some["error_m"].to_numpy() / INCH_M, clusters).text(1, 1)
+            error = mean(some["error_mean_m"].to_numpy() / INCH_M, clusters).text(1, 1)
             lines.append(f"| `{label}` | {session}, {len(some)} runs | {error} | {' | '.join(rates)} |")
     return "\n".join([*lines, "", _even_draws(material, rows)])
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-OFF, DEVIATION, CONFIDENCE = "off_m", "sd_m", "confidence"
+OFF, DEVIATION, CONFIDENCE = "error_m", "sd_m", "confidence"
 LABELS = {
     OFF: "position error (in)",
     DEVIATION: "deviation of the cloud (in)",

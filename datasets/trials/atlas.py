@@ -17,7 +17,7 @@ from .rows import KEY
 from .statistics import Interval, share
 from .table import clusters_of
 
-LISTS = ("off_m", "confidence", "true_x_m", "true_y_m", "truth_rank")
+LISTS = ("error_m", "confidence", "true_x_m", "true_y_m", "truth_rank")
 MOST_RUNS = 8  # that are kept of a spot: those with the largest errors there
 BINS = 10  # of the reliability diagram
 LEAST_UPDATES = 20  # of a bin that is shown
@@ -40,7 +40,7 @@ class FailureAtlas:
     """Spots and reliability of some runs.
 
     `spots` has a row for each spot of each arena: `arena`, `column` and `row` (its number along x and y), the
-    number of `updates` and `runs`, the median `error_m`, the share of updates that were `wrong`, the median
+    number of `updates` and `runs`, the `error_median_m`, the share of updates that were `wrong`, the median
     `rank` of the truth's reference, and of runs that began or were carried to it the median
     `pictures_to_localize` and how many did `start` there. `runs` holds the worst runs of each spot.
     """
@@ -62,7 +62,7 @@ def failure_atlas(rows: pl.DataFrame, spot_m: float) -> FailureAtlas:
         >>> failure_atlas(load_trials("trials"), 0.5).spots.columns[:3]  # doctest: +SKIP
         ['arena', 'column', 'row']
     """
-    complete = pl.col("true_x_m").list.len() == pl.col("off_m").list.len()
+    complete = pl.col("true_x_m").list.len() == pl.col("error_m").list.len()
     known = rows.filter(pl.col("error").is_null() & complete)
     updates = _updates(known, spot_m)
     if updates.is_empty():
@@ -71,13 +71,13 @@ def failure_atlas(rows: pl.DataFrame, spot_m: float) -> FailureAtlas:
     spots = updates.group_by(place).agg(
         pl.len().alias(UPDATES),
         pl.struct(KEY).n_unique().alias("runs"),
-        pl.col("off_m").median().alias("error_m"),
-        (pl.col("off_m") > pl.col("right_m")).mean().alias("wrong"),
+        pl.col("error_m").median().alias("error_median_m"),
+        (pl.col("error_m") > pl.col("right_m")).mean().alias("wrong"),
         pl.col("truth_rank").drop_nans().median().alias("rank"),
     )
     spots = spots.join(_starts(updates), on=place, how="left").sort(place)
     by_run = updates.group_by([*place, *KEY, "label"]).agg(
-        pl.col("update").get(pl.col("off_m").arg_max()), pl.col("off_m").max().alias("error_m")
+        pl.col("update").get(pl.col("error_m").arg_max()), pl.col("error_m").max().alias("error_m")
     )
     worst = by_run.sort("error_m", descending=True).group_by(place, maintain_order=True).head(MOST_RUNS)
     mean = known["wrong_confident"].mean()
@@ -87,10 +87,10 @@ def failure_atlas(rows: pl.DataFrame, spot_m: float) -> FailureAtlas:
 
 def _updates(rows: pl.DataFrame, spot_m: float) -> pl.DataFrame:
     """Return a row for each update with a true position, with its spot."""
-    numbers = pl.int_ranges(1, pl.col("off_m").list.len() + 1).alias("update")
+    numbers = pl.int_ranges(1, pl.col("error_m").list.len() + 1).alias("update")
     kept = ["arena", "label", "right_m", "kidnapped_at_update", "pictures_to_localize"]
     long = rows.select(*KEY, *kept, *LISTS, numbers).explode(*LISTS, "update")
-    long = long.filter(pl.col("true_x_m").is_not_nan() & pl.col("off_m").is_not_nan())
+    long = long.filter(pl.col("true_x_m").is_not_nan() & pl.col("error_m").is_not_nan())
     return long.with_columns(
         pl.col("arena").is_not_null().alias("simulated"),
         pl.col("arena").fill_null(0),
@@ -115,7 +115,7 @@ def reliability(updates: pl.DataFrame) -> tuple[ReliabilityBin, ...]:
         *("confidence", "session", "seed"),
         pl.when(pl.col("simulated")).then(pl.col("arena")).alias("arena"),
         pl.struct(KEY).hash().alias("run"),
-        (pl.col("off_m") <= pl.col("right_m")).alias("right"),
+        (pl.col("error_m") <= pl.col("right_m")).alias("right"),
     )
     bins = []
     for (number,), some in sorted(binned.group_by("bin"), key=lambda pair: pair[0]):

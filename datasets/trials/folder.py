@@ -35,7 +35,7 @@ class TrialsFolder:
     """A folder that `trials run` has made.
 
     >>> from maurice_datasets.trials.folder import TrialsFolder
-    >>> TrialsFolder(Path("trials")).rows["error_m"].max()  # doctest: +SKIP
+    >>> TrialsFolder(Path("trials")).rows["error_mean_m"].max()  # doctest: +SKIP
     1.63
     """
 

@@ -51,10 +51,10 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "oracle_m": (_NUMBER, "distance of the nearest reference from the truth, mean"),
     "updates": (_WHOLE, "pictures processed"),
     "distance_m": (_NUMBER, "driven, by the truth where it is known"),
-    "error_m": (_NUMBER, "position error, mean over updates 4 to the last"),
+    "error_mean_m": (_NUMBER, "position error, mean over updates 4 to the last"),
     "error_median_m": (_NUMBER, "the same, median"),
-    "final_error_m": (_NUMBER, "position error at the last update"),
-    "heading_error_rad": (_NUMBER, "heading error, mean"),
+    "error_final_m": (_NUMBER, "position error at the last update"),
+    "heading_error_mean_rad": (_NUMBER, "heading error, mean"),
     "heading_error_median_rad": (_NUMBER, "heading error, median"),
     "relative_error_m": (_NUMBER, "relative pose error, median"),
     "lost": (_FLAG, "whether it was ever lost"),
@@ -81,15 +81,22 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "reseeded": (_WHOLE, "updates with fresh particles"),
     "failure": (_TEXT, "of a run that failed, its cause as `diagnose` names it"),
     "took_s": (_NUMBER, "in the filter; of runs stepped together, an equal share; differs from run to run"),
-    "off_m": (_LIST, "position error at every update"),
+    "error_m": (_LIST, "position error at every update"),
     "sd_m": (_LIST, "standard deviation of the cloud at every update"),
     "confidence": (_LIST, "share of weight near the estimate at every update"),
     "right_m": (_NUMBER, "position error up to which an update is correct"),
     "true_x_m": (_LIST, "true position at every update; NaN where it is not known"),
     "true_y_m": (_LIST, "the same"),
     "truth_rank": (_LIST, "rank of the reference nearest the truth among all, from 1; NaN: not known"),
-    "off_rad": (_LIST, "heading error at every update"),
+    "heading_error_rad": (_LIST, "heading error at every update"),
     "mapped": (_LIST, "share of a scan's beams from the true pose that end in mapped space, at every update"),
+}
+OLDER = {  # names in rows of 0.2.0 and before, which all hold "off_m"
+    "error_mean_m": "error_m",
+    "error_final_m": "final_error_m",
+    "heading_error_mean_rad": "heading_error_rad",
+    "error_m": "off_m",
+    "heading_error_rad": "off_rad",
 }
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
@@ -233,7 +240,9 @@ def _files(folder: Path) -> list[Path]:
 def _frame(file: Path, columns: Sequence[str]) -> pl.DataFrame:
     """Read columns of a file of rows; InputError for one that is damaged, or is none of ours."""
     try:
-        rows = pl.read_parquet(file, columns=list(columns))
+        names = OLDER if "off_m" in pl.read_parquet_schema(file) else {}
+        rows = pl.read_parquet(file, columns=[names.get(name, name) for name in columns])
+        rows = rows.select(pl.col(names.get(name, name)).alias(name) for name in columns)
         what = next(
             (f"found {name} as {kind}" for name, kind in rows.schema.items() if kind != TYPES[name]), ""
         )

@@ -37,7 +37,7 @@ NUMBERS = [
 ]
 LOCALIZED = "pictures_to_localize"
 TIMES = {LOCALIZED: "pictures_after", "localized_m": "after_m", "localized_s": "after_s"}  # where censored
-DEFAULT = "error_m"
+DEFAULT = "error_mean_m"
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def load_trials(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
     `where` keeps rows with `column=value`. InputError for a folder without trials and for unknown columns.
 
         >>> import maurice_datasets as md
-        >>> md.load_trials("trials", ["feature=color"])["error_m"].mean()  # doctest: +SKIP
+        >>> md.load_trials("trials", ["feature=color"])["error_mean_m"].mean()  # doctest: +SKIP
         0.21
     """
     rows = with_settings(read_rows(Path(folder)))
@@ -181,8 +181,8 @@ def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> lis
 
         >>> import polars as pl
         >>> from maurice_datasets.trials.table import grouped
-        >>> runs = {"particles": [100, 100], "error_m": [1.0, 3.0], "error": [None, None], "arena": [1, 2]}
-        >>> rows = pl.DataFrame(runs | {"session": ["global", "global"], "seed": [0, 1]})
+        >>> runs = {"particles": [100, 100], "error_mean_m": [1.0, 3.0], "error": [None, None]}
+        >>> rows = pl.DataFrame(runs | {"arena": [1, 2], "session": ["global", "global"], "seed": [0, 1]})
         >>> grouped(rows, ["particles"])[0].figure.value
         2.0
     """

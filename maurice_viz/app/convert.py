@@ -223,7 +223,7 @@ class Exported(Plain):
     label: str
     updates: int
     files: tuple[Path, ...]
-    position_error_m: Mapping[str, float] | None  # statistics by evo's names; None without truth
+    error_m: Mapping[str, float] | None  # statistics by evo's names; None without truth
 
 
 Files = Mapping[str, Path]  # those asked for, by kind

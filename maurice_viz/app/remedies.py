@@ -70,7 +70,7 @@ class RemedyResult:
     name: str
     change: BranchChange
     localized: Interval  # share of the runs that are localized at the end
-    error_m: Interval  # mean position error
+    error_mean_m: Interval  # mean position error
     verdict: str  # BETTER, WORSE or UNCLEAR, against the run as it was with the same seeds
     p_localized: float  # of no difference, adjusted for the number of remedies
     p_error: float
@@ -150,7 +150,7 @@ def remedies(
     )
     outcomes = past.tried(tried, filters, tested, listener)
     first, *others = compared_with_first(tried, outcomes)
-    ranked = sorted(others, key=lambda result: (-result.localized.value, result.error_m.value))
+    ranked = sorted(others, key=lambda result: (-result.localized.value, result.error_mean_m.value))
     info = point.session.info
     ranking = Remedies(
         str(run), info.name, info.display_units, step, tested, first, tuple(ranked), tuple(left_out)
@@ -163,13 +163,13 @@ class SeedResults:
     """One filter from the branch, by seed (S,)."""
 
     localized: Bool  # at the end
-    error_m: F64
+    error_mean_m: F64
 
     @classmethod
     def of(cls, tables: Sequence[RunTable]) -> SeedResults:
         """Judge runs by their updates after the branch."""
         at_end = np.array([mostly_at_end(run.is_localized.tolist()) is True for run in tables], bool)
-        return cls(at_end, np.array([score_table(run).position_error_mean_m for run in tables], np.float64))
+        return cls(at_end, np.array([score_table(run).error_mean_m for run in tables], np.float64))
 
 
 @dataclass(slots=True, eq=False)
@@ -251,7 +251,7 @@ def compared_with_first(tried: Sequence[Remedy], outcomes: Sequence[SeedResults]
     """
     first, count = outcomes[0], len(outcomes) - 1
     tests = [sign_flip(outcome.localized.astype(float) - first.localized) for outcome in outcomes[1:]]
-    tests += [sign_flip(outcome.error_m - first.error_m) for outcome in outcomes[1:]]
+    tests += [sign_flip(outcome.error_mean_m - first.error_mean_m) for outcome in outcomes[1:]]
     adjusted = holm(tests)
     of = zip([1.0, *adjusted[:count]], [1.0, *adjusted[count:]], strict=True)
     return [
@@ -259,7 +259,7 @@ def compared_with_first(tried: Sequence[Remedy], outcomes: Sequence[SeedResults]
             name=remedy.name,
             change=remedy.change,
             localized=share(outcome.localized, of_one_drive(len(outcome.localized))),
-            error_m=mean(outcome.error_m, of_one_drive(len(outcome.error_m))),
+            error_mean_m=mean(outcome.error_mean_m, of_one_drive(len(outcome.error_mean_m))),
             verdict=_verdict(outcome, first, p_localized, p_error),
             p_localized=p_localized,
             p_error=p_error,
@@ -273,7 +273,7 @@ def _verdict(outcome: SeedResults, first: SeedResults, p_localized: float, p_err
     if p_localized < P_BELOW:
         return BETTER if outcome.localized.mean() > first.localized.mean() else WORSE
     if p_error < P_BELOW:
-        return BETTER if outcome.error_m.mean() < first.error_m.mean() else WORSE
+        return BETTER if outcome.error_mean_m.mean() < first.error_mean_m.mean() else WORSE
     return UNCLEAR
 
 

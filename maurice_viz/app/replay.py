@@ -55,7 +55,7 @@ def replay(
 
         >>> import maurice_viz as mv
         >>> scores = mv.replay("session.log", filter=mv.Filter("color", particles=50), to="out.rrd")
-        >>> round(scores.runs[0].score.position_error_mean_m, 2)
+        >>> round(scores.runs[0].score.error_mean_m, 2)
         0.02
     """
     output = output_of(session, output, to, save_run, force=force)

@@ -327,7 +327,7 @@ def _remedy_table(ranking: Remedies) -> Table:
         table.add_column(f"{name}, 95 %", justify="right", no_wrap=True)
     table.add_column("against the run", no_wrap=True)
     for result in (ranking.as_it_was, *ranking.tried):
-        share, error = result.localized, result.error_m
+        share, error = result.localized, result.error_mean_m
         cells = [f"{share.text(100, 0)} %", error.text(units.per_m, units.digits)]
         against = "" if result is ranking.as_it_was else result.verdict
         table.add_row(result.name, *cells, against, end_section=result is ranking.as_it_was)

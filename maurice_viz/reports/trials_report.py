@@ -92,7 +92,7 @@ def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         if of_part.is_empty():
             continue
         by = ["session", "label"]
-        errors, rights = (grouped(of_part, by, metric) for metric in ("error_m", "right_at_end"))
+        errors, rights = (grouped(of_part, by, metric) for metric in ("error_mean_m", "right_at_end"))
         recorded = of_part["arena"].null_count() == len(of_part)
         unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
         heads = ("Session", "Variant", "Runs", f"Position error, mean ({unit})", "Right at the end (%)")
@@ -209,7 +209,7 @@ def _spot(
         "updates": spot["updates"],
         "count": spot["runs"],
         "starts": spot["starts"] or 0,
-        "error": _known(spot["error_m"], per_m),
+        "error": _known(spot["error_median_m"], per_m),
         "wrong": _known(spot["wrong"], 100),
         "rank": _known(spot["rank"], 1),
         "localize": _known(spot["pictures_to_localize"], 1),

@@ -103,8 +103,8 @@ class RunScores:
         scale = Scale(units_named(self.display_units))
         told = headline({run.label: run.verdict for run in self.runs}, scale) if self.runs else "no run"
         lines = [
-            f"{run.label}: {run.score.updates} updates, {scale.say(run.score.position_error_mean_m)} off"
-            if run.score.position_error_mean_m is not None
+            f"{run.label}: {run.score.updates} updates, {scale.say(run.score.error_mean_m)} off"
+            if run.score.error_mean_m is not None
             else f"{run.label}: {run.score.updates} updates, no truth"
             for run in self.runs
         ]

@@ -39,7 +39,7 @@ def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
     """Return the five rows that say most; where no run is judged by a truth, what is known without one."""
     unit = units.name
     rows: list[tuple[str, Cell]] = [
-        (f"error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
+        (f"error, mean ({unit})", lambda r: _length(r.score.error_mean_m, units)),
         ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
         ("localized", lambda r: _written(r.score.localized_share, ".0%")),
         ("lost", _lost),
@@ -120,9 +120,9 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
     return [
         ("steps", lambda r: str(r.score.updates)),
         (f"distance ({unit})", lambda r: _length(r.score.distance_m, units)),
-        (f"position error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
-        (f"position error, median ({unit})", lambda r: _length(r.score.position_error_median_m, units)),
-        (f"position error, final ({unit})", lambda r: _length(r.score.position_error_final_m, units)),
+        (f"position error, mean ({unit})", lambda r: _length(r.score.error_mean_m, units)),
+        (f"position error, median ({unit})", lambda r: _length(r.score.error_median_m, units)),
+        (f"position error, final ({unit})", lambda r: _length(r.score.error_final_m, units)),
         (f"without the {_sensors(results)}, mean ({unit})", lambda r: _length(_alone_m(r), units)),
         ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
         (
@@ -315,9 +315,9 @@ def _difference_json(difference: ErrorDifference | None, unit: str) -> dict[str,
 SCORES = (
     "updates",
     "distance_m",
-    "position_error_mean_m",
-    "position_error_median_m",
-    "position_error_final_m",
+    "error_mean_m",
+    "error_median_m",
+    "error_final_m",
     "heading_error_mean_rad",
     "heading_error_median_rad",
     "localized_share",
@@ -355,7 +355,7 @@ def _alone_json(result: RunResult) -> dict[str, Any] | None:
     alone = result.verdict.odometry_alone
     if alone is None:
         return None
-    errors_m = {"position_error_mean_m": alone.error_mean_m, "position_error_final_m": alone.error_final_m}
+    errors_m = {"error_mean_m": alone.error_mean_m, "error_final_m": alone.error_final_m}
     return errors_m | {"run_against_it": _difference_json(alone.against, "m"), "better": alone.is_better}
 
 

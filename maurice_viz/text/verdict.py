@@ -205,11 +205,11 @@ def hardly_localized(verdict: RunVerdict) -> str:
 
 def off_at(end: StepScore | None, scale: Scale) -> str:
     """Return an error: "63.5 in off"; with the heading where that is not right."""
-    if end is None or end.position_error_m is None:
+    if end is None or end.error_m is None:
         return "truth not known"
     turned = end.heading_error_rad or 0.0
     heading = f" and {math.degrees(turned):.0f} deg" if turned > RIGHT_RAD else ""
-    return f"{scale.say(end.position_error_m)}{heading} off"
+    return f"{scale.say(end.error_m)}{heading} off"
 
 
 # The account: what the headline has no room for.

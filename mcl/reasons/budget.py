@@ -91,7 +91,7 @@ def with_perfect(part: str, runs: SeededRuns) -> SeededRuns:
 def budget_line(part: str, runs: Sequence[RunTable]) -> BudgetLine:
     """Score runs of a filter with one part made perfect."""
     scores = [score_table(run) for run in runs]
-    errors = [np.nan if s.position_error_mean_m is None else s.position_error_mean_m for s in scores]
+    errors = [np.nan if s.error_mean_m is None else s.error_mean_m for s in scores]
     return BudgetLine(part, np.array(errors), np.array([score.lost is True for score in scores]))
 
 

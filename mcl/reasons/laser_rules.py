@@ -102,7 +102,7 @@ def scene_changed(story: Story) -> Failure | None:
 def wrong_start(story: Story) -> Failure | None:
     """The run began together, at a place where the robot was not."""
     first = story.updates[0]
-    off_m = first.score.position_error_m
+    off_m = first.score.error_m
     if story.since > 0 or off_m is None or not first.began_together or not first.score.lost:
         return None
     if any(update.share_near >= MOST_SHARE for update in story.updates[: story.lost + 1]):

@@ -128,7 +128,7 @@ class RunVerdict:
     @property
     def error_end_m(self) -> float | None:
         """The error of the last estimate with truth."""
-        return None if self.end is None else self.end.position_error_m
+        return None if self.end is None else self.end.error_m
 
     def incident_of(self, episode: Episode) -> Incident | None:
         """Return the latest incident that an episode can be due to: at first the loud ones."""

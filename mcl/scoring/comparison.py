@@ -143,7 +143,7 @@ class RunComparison:
         """Process the next update of both runs."""
         self._seen += 1
         a, b = (score_step(record.estimate, moment.truth) for moment, record in (first, other))
-        position = _difference(a.position_error_m, b.position_error_m)
+        position = _difference(a.error_m, b.error_m)
         heading = _difference(a.heading_error_rad, b.heading_error_rad)
         if position is not None and heading is not None and self._seen >= FIRST_SCORED:
             self._position.append(position)
@@ -248,7 +248,7 @@ class DeadReckoning:
         for movement in moment.frame.motions:
             self._pose = motion.move(self._pose, origin, movement, np.zeros((1, 3), np.float32))
         self._updates += 1
-        of_run = score_step(record.estimate, moment.truth).position_error_m
+        of_run = score_step(record.estimate, moment.truth).error_m
         if moment.truth is None or of_run is None or self._updates < FIRST_SCORED:
             return
         self._errors_m.append(float(np.hypot(*(self._pose[0, :2] + origin - moment.truth[:2]))))

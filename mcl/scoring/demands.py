@@ -69,7 +69,7 @@ class RunTrack:
     """One run against the truth, U updates long, as far as demands on it need it."""
 
     seed: int
-    off_m: F64  # (U,) position error; nan where the truth is not known
+    error_m: F64  # (U,) position error; nan where the truth is not known
     localized: Bool  # (U,) by the definitions of docs/evaluation.md, each of one update
     lost: Bool  # (U,)
     converged: Bool  # (U,)
@@ -93,7 +93,7 @@ class RunJudgement:
     seed: int
     met: Mapping[str, bool]  # by kind of demand
     failed_at: Mapping[str, int] = field(default_factory=dict)  # first update, from 0, that shows it
-    error_m: float | None = None  # mean, where it counts
+    error_mean_m: float | None = None  # where it counts
     found_after: int | None = None  # updates until localized, the worst of its starts; None: not at one
     converged_after: int | None = None
     found_at: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)  # by kind: at each start, or not
@@ -113,7 +113,7 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     """Judge one run."""
     met: dict[str, bool] = {}
     failed_at: dict[str, int] = {}
-    counts = demands.counting(len(track.off_m), starts)
+    counts = demands.counting(len(track.error_m), starts)
     by_kind = {LOCALIZED: track.localized, CONVERGED: track.converged}
     after_starts = {kind: _updates_after(flags, starts) for kind, flags in by_kind.items()}
     by = {LOCALIZED: demands.localized_by, CONVERGED: demands.converged_by}
@@ -122,14 +122,16 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
         met[kind] = failed is None
         if failed is not None:
             failed_at[kind] = failed
-    known = counts & np.isfinite(track.off_m)
-    error_m = float(track.off_m[known].mean()) if known.any() else None
+    known = counts & np.isfinite(track.error_m)
+    error_mean_m = float(track.error_m[known].mean()) if known.any() else None
     judged = {
         kind: _of_judged(values, starts, len(counts), by[kind]) for kind, values in after_starts.items()
     }
     after = {kind: _worst(values) for kind, values in judged.items()}
     found_at = {kind: tuple(after is not None for after in values) for kind, values in judged.items()}
-    return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED], found_at)
+    return RunJudgement(
+        track.seed, met, failed_at, error_mean_m, after[LOCALIZED], after[CONVERGED], found_at
+    )
 
 
 def _failed(
@@ -146,7 +148,7 @@ def _failed(
         at = metrics.first_run_of((track.lost & counts).tolist(), metrics.LOST_FOR)
         return None if at is None else at - metrics.LOST_FOR
     if kind == ERROR:
-        off_m, most_m = np.where(counts, track.off_m, np.nan), demands.max_error_m or 0.0
+        off_m, most_m = np.where(counts, track.error_m, np.nan), demands.max_error_m or 0.0
         if np.nanmean(off_m) <= most_m:
             return None
         return int(np.flatnonzero(off_m > most_m)[0])

@@ -314,7 +314,7 @@ def _say_change(episode: Episode, score: StepScore, say: Say) -> tuple[str, str]
         kind = LOCALIZED if episode.kind == SEARCHING else RECOVERED
         again = "localized" if kind == LOCALIZED else f"{episode.account}; localized again"
         return kind, f"{again} from step {episode.localized} on"
-    off_m, off_rad = score.position_error_m or 0.0, score.heading_error_rad or 0.0
+    off_m, off_rad = score.error_m or 0.0, score.heading_error_rad or 0.0
     sure = ", sure of it" if score.converged else ""
     off = f"now {say(off_m)} and {np.degrees(off_rad):.0f} deg off{sure}"
     return LOST, f"{episode.account}; {off}" if episode.kind != SEARCHING else f"not localized yet; {off}"

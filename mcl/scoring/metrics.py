@@ -29,7 +29,7 @@ SEGMENT_RADII = 4.0  # length of a segment of the relative error, in radii of *r
 class StepScore:
     """One update against the truth; errors are None where the truth is not known."""
 
-    position_error_m: float | None
+    error_m: float | None
     heading_error_rad: float | None
     converged: bool
     correct: bool | None
@@ -114,9 +114,9 @@ class RunScore:
 
     updates: int
     distance_m: float  # driven: by the truth where it is known, else by odometry
-    position_error_mean_m: float | None
-    position_error_median_m: float | None
-    position_error_final_m: float | None
+    error_mean_m: float | None
+    error_median_m: float | None
+    error_final_m: float | None
     heading_error_mean_rad: float | None
     heading_error_median_rad: float | None
     localized_at_update: int | None
@@ -145,9 +145,9 @@ def score_table(run: RunTable, arena_m: tuple[float, float] | None = None) -> Ru
     return RunScore(
         updates=updates,
         distance_m=float((true_m if any_known else run.odometry_m.cumsum())[-1]) if updates else 0.0,
-        position_error_mean_m=float(np.mean(off_m)) if any_scored else None,
-        position_error_median_m=float(np.median(off_m)) if any_scored else None,
-        position_error_final_m=float(error_m[known][-1]) if any_known else None,
+        error_mean_m=float(np.mean(off_m)) if any_scored else None,
+        error_median_m=float(np.median(off_m)) if any_scored else None,
+        error_final_m=float(error_m[known][-1]) if any_known else None,
         heading_error_mean_rad=float(np.mean(off_rad)) if any_scored else None,
         heading_error_median_rad=float(np.median(off_rad)) if any_scored else None,
         localized_at_update=None if localized is None else int(judged[localized - 1]) + 1,

@@ -190,14 +190,14 @@ def _of(key: str, how: str, times: float = 1.0) -> Callable[[dict[str, Any]], st
 
 DEGREES = 180 / np.pi
 ROWS = {  # of a report's tables, and what they say of the JSON
-    "error, mean (m)": _of("position_error_mean_m", ".2f"),
+    "error, mean (m)": _of("error_mean_m", ".2f"),
     "heading error, mean (deg)": _of("heading_error_mean_rad", ".1f", DEGREES),
     "steps": _of("updates", "d", 1),
     "distance (m)": _of("distance_m", ".2f"),
-    "position error, mean (m)": _of("position_error_mean_m", ".2f"),
-    "position error, median (m)": _of("position_error_median_m", ".2f"),
-    "position error, final (m)": _of("position_error_final_m", ".2f"),
-    "without the camera, mean (m)": _of("odometry_alone.position_error_mean_m", ".2f"),
+    "position error, mean (m)": _of("error_mean_m", ".2f"),
+    "position error, median (m)": _of("error_median_m", ".2f"),
+    "position error, final (m)": _of("error_final_m", ".2f"),
+    "without the camera, mean (m)": _of("odometry_alone.error_mean_m", ".2f"),
     "localized share": _of("localized_share", ".0%"),
     "wrong and confident": _of("wrong_confident_share", ".0%"),
     "knows where it is, without truth": _of("knows_where_it_is.share", ".0%"),
@@ -213,7 +213,7 @@ def test_every_figure_that_is_told_twice_is_one(sensor, name, made):
     saved, steps = mv.results(one.run).row(0, named=True), mv.traces(one.run)
     same = [key for key, value in run.items() if isinstance(value, (int, float)) and key != "steps_per_s"]
     assert {key: saved[key] for key in same} == {key: run[key] for key in same}
-    assert steps["error_m"][3:].mean() == pytest.approx(run["position_error_mean_m"])
+    assert steps["error_m"][3:].mean() == pytest.approx(run["error_mean_m"])
     assert steps["heading_error_rad"][3:].mean() == pytest.approx(run["heading_error_mean_rad"])
     assert steps["error_m"][-1] == pytest.approx(run["verdict"]["error_end_m"])
     told = {kind: [] for kind in ("lost", "failure", "localized")}

@@ -100,7 +100,7 @@ def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
     maurice(small_session, "--particles", "50", "--save-run", "kept", "-o", "none")
     frame = mv.traces("kept")
     assert frame["error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
-    assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
+    assert mv.results("kept")["error_mean_m"].to_list() == [None]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"pip install 'maurice-replay\[notebook\]'"):
         mv.show("kept")

@@ -122,7 +122,7 @@ class DriveCheck:
             "seed": run.seed,
             "passed": run.passed,
             "met": dict(run.met),
-            "error_m": run.error_m,
+            "error_mean_m": run.error_mean_m,
             "localized_after": run.found_after,
             "converged_after": run.converged_after,
             "first_failed_step": None if first is None else self.steps[first],
@@ -299,7 +299,7 @@ def _worst(result: DriveCheck, asked: CheckedFilter) -> tuple[int, int]:
     assert asked.baseline is not None
     before = asked.baseline.of(result.session, len(result.steps))
     grown = {
-        track.seed: np.nan_to_num(track.off_m - before[track.seed].off_m)
+        track.seed: np.nan_to_num(track.error_m - before[track.seed].error_m)
         for track in result.made.tracks
         if track.seed in before
     }

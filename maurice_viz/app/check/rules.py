@@ -155,7 +155,7 @@ def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
 
 
 def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    errors_m = [run.error_m for run in runs if run.error_m is not None]
+    errors_m = [run.error_mean_m for run in runs if run.error_mean_m is not None]
     if len(errors_m) == 1:
         return say_length(errors_m[0], scale)
     average, worst = (say_length(length_m, scale) for length_m in (float(np.mean(errors_m)), max(errors_m)))
@@ -217,7 +217,8 @@ def changes(
     """
     pairs = [(before[run.seed], run) for run in now if run.seed in before]
     changed = []
-    errors = [(a.error_m, b.error_m) for a, b in pairs if a.error_m is not None and b.error_m is not None]
+    means_m = [(a.error_mean_m, b.error_mean_m) for a, b in pairs]
+    errors = [pair for pair in means_m if None not in pair]
     if errors:
         old, new = np.array(errors, np.float64).T
         p = statistics.p_value(partial(statistics.mean, new - old, None), SAME_ERROR_M)
@@ -243,7 +244,7 @@ SCHEMA: Mapping[str, Any] = {
     "seed": pl.Int64,
     "configuration": pl.String,
     "version": pl.String,
-    "off_m": pl.List(pl.Float64),
+    "error_m": pl.List(pl.Float64),
     **dict.fromkeys(FLAGS, pl.List(pl.Boolean)),
 }
 
@@ -273,7 +274,7 @@ class BaselineRuns:
             raise InputError(
                 self.file, f"found runs of {names}, and none of {session!r}; save a baseline of it"
             )
-        lengths = {len(track.off_m) for track in tracks.values()}
+        lengths = {len(track.error_m) for track in tracks.values()}
         if lengths != {updates}:
             was = ", ".join(map(str, sorted(lengths)))
             what = f"found runs of {session!r} with {was} steps, and it has {updates} now"
@@ -289,7 +290,7 @@ def baseline_bytes(drives: Iterable[DriveRuns]) -> bytes:
             "seed": track.seed,
             "configuration": drive.configuration,
             "version": version("maurice-replay"),
-            "off_m": track.off_m.tolist(),
+            "error_m": track.error_m.tolist(),
             **{name: getattr(track, name).tolist() for name in FLAGS},
         }
         for drive in drives
@@ -306,7 +307,7 @@ def read_baseline(file: Path) -> BaselineRuns:
         raise InputError(file, "there is no such file; make one with `check -o FILE.parquet`")
     expected = "expected a baseline that `check -o FILE.parquet` has written"
     try:
-        rows = pl.read_parquet(file)
+        rows = pl.read_parquet(file).rename({"off_m": "error_m"}, strict=False)  # as 0.2.0 named it
     except (OSError, pl.exceptions.PolarsError) as problem:
         raise InputError(file, f"cannot be read ({str(problem).splitlines()[0]}); {expected}") from None
     if dict(rows.schema) != dict(SCHEMA):
@@ -316,12 +317,12 @@ def read_baseline(file: Path) -> BaselineRuns:
     tracks: dict[str, dict[int, RunTrack]] = {}
     configurations: dict[str, str] = {}
     for row in rows.iter_rows(named=True):
-        off_m = np.array([np.nan if value is None else value for value in row["off_m"]], np.float64)
+        error_m = np.array([np.nan if value is None else value for value in row["error_m"]], np.float64)
         flags = [np.array(row[name], bool) for name in FLAGS]
-        if {len(flag) for flag in flags} != {len(off_m)}:
+        if {len(flag) for flag in flags} != {len(error_m)}:
             raise InputError(
                 file, f"found a run of {row['session']!r} whose columns differ in length; {expected}"
             )
-        tracks.setdefault(row["session"], {})[row["seed"]] = RunTrack(row["seed"], off_m, *flags)
+        tracks.setdefault(row["session"], {})[row["seed"]] = RunTrack(row["seed"], error_m, *flags)
         configurations[row["session"]] = row["configuration"]
     return BaselineRuns(file, tracks, configurations)

@@ -55,7 +55,7 @@ def material(*rows: dict[str, Any]) -> Material:
 
 def tracking(losses: dict[int, int], runs: int = 40, **more: Any) -> list[dict[str, Any]]:
     """Return runs of position tracking, so many of which were lost with each count."""
-    named = {"part": "position-tracking", "session": "tracking", "error_m": 0.1, "distance_m": 30.0}
+    named = {"part": "position-tracking", "session": "tracking", "error_mean_m": 0.1, "distance_m": 30.0}
     return [
         named | {"particles": count, "seed": seed, "lost": seed < number, "reached": seed >= number} | more
         for count, number in losses.items()
@@ -72,7 +72,13 @@ def pairs(
     part: str, key: str, values: dict[str, float], count: int = 20, **more: Any
 ) -> list[dict[str, Any]]:
     return [
-        {"part": part, "session": "tracking", "seed": seed, key: value, "error_m": error + 0.01 * (seed % 3)}
+        {
+            "part": part,
+            "session": "tracking",
+            "seed": seed,
+            key: value,
+            "error_mean_m": error + 0.01 * (seed % 3),
+        }
         | more
         for value, error in values.items()
         for seed in range(count)
@@ -200,9 +206,9 @@ def test_drives_that_are_too_short_do_not_say_how_far_runs_get() -> None:
         ("Critical count", tracking({100: 3, 60_000: 0}), UNTESTABLE),
         ("Critical count", tracking({500: 0, 5000: 0, 60_000: 0}, lost=None), UNTESTABLE),
         ("Error and count", tracking({100: 0, 2000: 0}), REPRODUCED),
-        ("Error and count", tracking({100: 0}) + tracking({2000: 0}, error_m=1.0), NOT),
+        ("Error and count", tracking({100: 0}) + tracking({2000: 0}, error_mean_m=1.0), NOT),
         ("Error and count", tracking({100: 40, 2000: 40}), UNTESTABLE),
-        ("Error and distance", tracking({2000: 0}, error_m=0.23), BUILT_IN),
+        ("Error and distance", tracking({2000: 0}, error_mean_m=0.23), BUILT_IN),
         ("Heading noise", pairs("one-change", "label", CALM, 300, lost=False), REPRODUCED),
         ("Heading noise", pairs("one-change", "label", {**CALM, "more heading noise": 0.3}, lost=False), NOT),
         ("100 particles", tracking({100: 0}, before_loss_m=30.0), NOT),
@@ -293,7 +299,7 @@ def test_a_track_that_is_not_lost_is_success_by_ours() -> None:
 )
 def test_typical_and_occasional_errors(off_in: list[float], verdict: str) -> None:
     rng = np.random.default_rng(0)
-    rows = [row | {"off_m": [0.0254 * value for value in rng.permutation(off_in)]} for row in tracks(0)]
+    rows = [row | {"error_m": [0.0254 * value for value in rng.permutation(off_in)]} for row in tracks(0)]
     result = verdict_of("Typical error", *rows)
     assert result.verdict == verdict, result.shown
 

@@ -119,8 +119,8 @@ def test_a_curve_is_the_mean_of_its_runs_and_its_band_holds_it(tmp_path: Path) -
 
 def test_a_run_that_ended_earlier_is_left_out_after_its_end(tmp_path: Path) -> None:
     named = {"arena": [1, 2], "session": ["global", "global"], "seed": [0, 1]}
-    rows = pl.DataFrame(named | {"off_m": [[1.0, 2.0, 3.0], [3.0, None]]}, strict=False)
-    assert [(one.value, one.count) for one in traces.curve(rows, "off_m")] == [(2, 2), (2, 1), (3, 1)]
+    rows = pl.DataFrame(named | {"error_m": [[1.0, 2.0, 3.0], [3.0, None]]}, strict=False)
+    assert [(one.value, one.count) for one in traces.curve(rows, "error_m")] == [(2, 2), (2, 1), (3, 1)]
 
 
 def test_certainty_is_the_mean_since_the_kidnapping() -> None:
@@ -168,7 +168,7 @@ def test_a_figure_of_runs_without_values_is_a_note(figure, value, tmp_path, monk
     names = {"part": ("position-tracking", "global-localization"), "seed": (0, 1), "particles": (100, 2000)}
     runs = [dict(zip(names, values, strict=True)) for values in itertools.product(*names.values())]
     named = {"feature": "color", "session": "drive", "arena": 0, "settings": "{}", "pictures_after": 9}
-    lengths = ("error_m", "before_loss_m", "localized_m", "after_m", "final_error_m", "distance_m")
+    lengths = ("error_mean_m", "before_loss_m", "localized_m", "after_m", "error_final_m", "distance_m")
     known = None if value is None else False
     rows = [
         dict.fromkeys(TYPES) | named | dict.fromkeys(lengths, value) | {"lost": known} | run for run in runs
@@ -186,7 +186,7 @@ def test_the_end_of_a_drive_is_no_loss_and_no_place_where_it_was_localized(tmp_p
     """With few particles only easy drives are localized, and soon; half of them never are."""
     names = {"feature": "color", "session": "drive", "settings": "{}", "variant": 0}
     search = names | {"part": "global-localization", "after_m": 30.0}
-    track = names | {"part": "position-tracking", "distance_m": 40.0, "error_m": 0.2}
+    track = names | {"part": "position-tracking", "distance_m": 40.0, "error_mean_m": 0.2}
     rows = []
     for seed in range(12):
         run = {"seed": seed, "arena": seed % 6}

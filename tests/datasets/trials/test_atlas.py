@@ -21,7 +21,7 @@ def rows(*runs: dict[str, object]) -> pl.DataFrame:
 
 
 def run(seed: int, xs: list[float], off_m: list[float], **more: object) -> dict[str, object]:
-    lists = {"true_x_m": xs, "true_y_m": [0.1] * len(xs), "off_m": off_m, "truth_rank": [3.0] * len(xs)}
+    lists = {"true_x_m": xs, "true_y_m": [0.1] * len(xs), "error_m": off_m, "truth_rank": [3.0] * len(xs)}
     return {"seed": seed, **lists, "confidence": [0.95] * len(xs), "wrong_confident": 0.25, **more}
 
 
@@ -37,7 +37,7 @@ def test_a_spot_has_the_updates_whose_truth_was_in_it() -> None:
         (1, 0, 0, 4, 2),
         (1, 1, 0, 3, 2),
     ]
-    assert spots["error_m"].to_list() == pytest.approx([0.25, 2.0])
+    assert spots["error_median_m"].to_list() == pytest.approx([0.25, 2.0])
     assert spots["wrong"].to_list() == pytest.approx([0.0, 2 / 3])
     assert spots["rank"].to_list() == [3.0, 3.0]
 
@@ -69,4 +69,4 @@ def test_reliability_is_the_share_of_correct_updates_by_confidence() -> None:
 
 def test_rows_without_true_positions_are_refused() -> None:
     with pytest.raises(InputError, match="no true positions"):
-        failure_atlas(rows({"seed": 0, "off_m": [0.1], "confidence": [1.0]}), 1.0)
+        failure_atlas(rows({"seed": 0, "error_m": [0.1], "confidence": [1.0]}), 1.0)

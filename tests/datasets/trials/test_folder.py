@@ -74,11 +74,11 @@ def test_the_commands_of_every_row_have_its_error(trials: TrialsFolder) -> None:
                 run(*shlex.split(text)[1:])
             drives.add(text)
         told = json.loads(run("replay", *shlex.split(replay)[1:], "-o", "none", "--json").stdout)
-        assert told["runs"][0]["position_error_mean_m"] == row["error_m"]
+        assert told["runs"][0]["error_mean_m"] == row["error_mean_m"]
 
 
 def test_the_table_prints_those_of_the_worst_run(trials: TrialsFolder) -> None:
-    worst = trials.rows.sort("error_m", descending=True).row(0, named=True)
+    worst = trials.rows.sort("error_mean_m", descending=True).row(0, named=True)
     commands = trials.commands_of(worst)
     assert commands is not None
     assert commands in " ".join(run("trials", "table", trials.folder).stderr.split())

@@ -89,7 +89,7 @@ def test_a_plan_runs_over_parts_of_a_recording_on_a_map_of_its_scans(tmp_path: P
         updates - updates // 2
     ]
     begun = rows.filter(pl.col("session") == "anywhere")
-    assert [len(values) for values in begun["off_rad"]] == [5, 5]
+    assert [len(values) for values in begun["heading_error_rad"]] == [5, 5]
     assert all(share >= 0.5 for values in begun["mapped"] for share in values[:1])
     assert len({values[0] for values in begun["true_x_m"]}) == 2
     assert all("found no 100 updates" in error for error in rows["error"].drop_nulls())

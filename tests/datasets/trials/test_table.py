@@ -24,7 +24,7 @@ def folder(tmp_path: Path) -> Path:
     """Trials with settings of mixed types; the second of each two runs knows no truth."""
     store = RowStore.begin(tmp_path / "out", read_plan("kidnapped"), resume=False)
     names = {"part": "mine", "session": "session"}
-    truth = {"error_m": 1.0, "lost": True, "pictures_to_localize": 3, "pictures_after": 9}
+    truth = {"error_mean_m": 1.0, "lost": True, "pictures_to_localize": 3, "pictures_after": 9}
     store.add(
         [
             {**names, "variant": number, "seed": seed, "settings": json.dumps(settings), "particles": 100}

@@ -21,7 +21,7 @@ from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials import rows as rows_module
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import Plan, read_plan
-from maurice_datasets.trials.rows import KEY, MEASURED, MOST, RowStore, read_plan_of, read_rows
+from maurice_datasets.trials.rows import KEY, MEASURED, MOST, OLDER, RowStore, read_plan_of, read_rows
 from maurice_datasets.trials.runs import Job, Row, TrialRun, run_job
 from maurice_datasets.trials.table import grouped, load_trials, paired
 from maurice_loaders.errors import InputError
@@ -121,7 +121,7 @@ def test_more_seeds_go_on_where_fewer_ended(ran: tuple[Plan, Path], tmp_path: Pa
     plan, whole = ran
     run_plan(plan.with_seeds(2), tmp_path / "out")
     assert run_plan(plan, tmp_path / "out", resume=True).made == 4
-    assert read_rows(tmp_path / "out", ["error_m"]).equals(read_rows(whole, ["error_m"]))
+    assert read_rows(tmp_path / "out", ["error_mean_m"]).equals(read_rows(whole, ["error_mean_m"]))
 
 
 def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Pa
     assert made.failed == 4
     assert made.error == rows["error"][0]
     assert rows["error"].null_count() == 0
-    assert rows["error_m"].null_count() == 4
+    assert rows["error_mean_m"].null_count() == 4
     assert "turn_gain" in rows["error"][0]
     assert run_plan(plan, tmp_path / "out", resume=True).made == 4
 
@@ -206,6 +206,16 @@ def test_damaged_rows_are_said_in_one_line(damage: str, ran: tuple[Plan, Path], 
         with pytest.raises(InputError, match=r"000000.parquet: cannot be read: .*; delete it") as problem:
             read(out)
         assert "\n" not in str(problem.value)
+
+
+def test_rows_with_the_names_of_an_older_version_are_read_as_todays(out: Path) -> None:
+    kept = read_rows(out)
+    assert kept["error_mean_m"].dtype == pl.Float64
+    (file,) = (out / "rows").iterdir()
+    rows = pl.read_parquet(file)
+    rows.select(pl.col(name).alias(OLDER.get(name, name)) for name in rows.columns).write_parquet(file)
+    assert "off_m" in pl.read_parquet_schema(file)
+    assert read_rows(out).equals(kept)
 
 
 def test_rows_that_are_deleted_are_computed_again(ran: tuple[Plan, Path], out: Path) -> None:
@@ -332,10 +342,12 @@ def test_tables(ran: tuple[Plan, Path]) -> None:
     names = [tuple(one.by.values()) for one in groups][:2]
     assert names == [("color", "systematic"), ("color", "multinomial")]
     some = rows.filter((pl.col("feature") == "color") & (pl.col("resampling.scheme") == "systematic"))
-    assert groups[0].figure.value == pytest.approx(some["error_m"].mean())
+    assert groups[0].figure.value == pytest.approx(some["error_mean_m"].mean())
     assert groups[0].runs == 3
     apart = paired(rows, ["feature"])
-    color, edges = (rows.filter(pl.col("feature") == name)["error_m"].mean() for name in ("color", "edges"))
+    color, edges = (
+        rows.filter(pl.col("feature") == name)["error_mean_m"].mean() for name in ("color", "edges")
+    )
     assert isinstance(color, float)
     assert isinstance(edges, float)
     assert len(apart) == 1

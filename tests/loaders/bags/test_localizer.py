@@ -164,7 +164,7 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
     scores = replay(path, to=file, reading=asked, as_recorded=True)
     assert [run.label for run in scores.runs] == ["amcl_pose", "orb_slam-pose", "particle_cloud"]
     assert [run.score.updates for run in scores.runs] == [4, 4, 4]
-    off = [run.score.position_error_mean_m for run in scores.runs]
+    off = [run.score.error_mean_m for run in scores.runs]
     assert off == pytest.approx([0.0, 0.3, 0.0], abs=0.01)
     [first, *_] = together(open_recorded(path, asked))
     assert {record.frame.step for _, record in first.values()} == {1}

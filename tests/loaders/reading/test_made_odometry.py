@@ -171,7 +171,7 @@ def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path
     found = json.loads(done.stdout)
     assert "ODOMETRY IS NOT MEASURED" in found["notes"][0]
     assert found["runs"][0]["updates"] == 14
-    assert found["runs"][0]["position_error_mean_m"] < 0.3
+    assert found["runs"][0]["error_mean_m"] < 0.3
     verified = CliRunner().invoke(app, ["verify", str(small_session.with_name("kept"))])
     assert verified.exit_code == 0, verified.stderr
     done = CliRunner().invoke(app, [*words, "--reading", "odometry_seed=5", "--json"])

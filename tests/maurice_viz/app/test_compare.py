@@ -132,7 +132,7 @@ def test_json_says_how_runs_compare(small_session):
     assert set(against) == AGAINST
     assert set(against["position_error"]) == DIFFERENCE
     assert against["label"] == "color"
-    difference = other["position_error_mean_m"] - first["position_error_mean_m"]
+    difference = other["error_mean_m"] - first["error_mean_m"]
     assert against["position_error"]["difference_mean_m"] == pytest.approx(difference)
     difference = other["heading_error_mean_rad"] - first["heading_error_mean_rad"]
     assert against["heading_error"]["difference_mean_rad"] == pytest.approx(difference)
@@ -251,9 +251,7 @@ def test_saved_runs_of_two_sessions_are_compared_too(small_session, tmp_path):
     maurice(other, "--save-run", "other-run", *FEW)
     out, err = maurice("compare", "session-run", "other-run", "-o", "none", "--json")
     assert "other-run has no more" in one_line(err)
-    assert [run["position_error_mean_m"] for run in runs_of(out)] == [
-        run["position_error_mean_m"] for run in live
-    ]
+    assert [run["error_mean_m"] for run in runs_of(out)] == [run["error_mean_m"] for run in live]
 
 
 def test_sessions_of_different_libraries_are_refused_in_one_line(small_session, tmp_path):

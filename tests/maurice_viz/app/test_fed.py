@@ -40,7 +40,7 @@ def test_it_is_the_run_that_a_replay_of_the_drive_is_and_its_capture_too(drive, 
         assert live.result.score == replace(replayed.score, distance_m=live.result.score.distance_m)
         assert live.table.frame().height == replayed.score.updates
     captured = mv.replay(tmp_path / "kept" / "session.log", filter=FEW).runs[0]
-    assert captured.score.position_error_mean_m == live.result.score.position_error_mean_m
+    assert captured.score.error_mean_m == live.result.score.error_mean_m
 
 
 def test_it_draws_into_a_stream_of_the_callers_beside_the_callers_entities(tmp_path):

@@ -87,7 +87,7 @@ def test_they_are_drawn_saved_verified_compared_checked_and_branched(drive, modu
     assert settings["motion"]["model"].startswith(f"{module}:Straight@")
     assert all(verdict.same for verdict in mv.verify(tmp_path / "kept"))
     checked = mv.check(drive, filter=own, demands=mv.Demands(max_error_m=9), seeds=2)
-    assert checked.drives[0].runs[0].error_m == pytest.approx(scores.runs[1].score.position_error_mean_m)
+    assert checked.drives[0].runs[0].error_mean_m == pytest.approx(scores.runs[1].score.error_mean_m)
     other = mv.Filter(resampler=f"{module}:first_come")
     assert not mv.what_if(tmp_path / "kept" / scores.runs[0].label, 3, other).same
 

@@ -85,7 +85,7 @@ def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp
     spelled, saved = f"{module('own_beacon')}:Beacon", tmp_path / "run"
     scores = mv.replay(drive, filter=mv.Filter(sensors=[spelled], particles=100), save_run=saved)
     without = mv.replay(drive, filter=mv.Filter(particles=100))
-    assert scores.runs[0].score.position_error_mean_m != without.runs[0].score.position_error_mean_m
+    assert scores.runs[0].score.error_mean_m != without.runs[0].score.error_mean_m
     assert mv.verify(saved)[0].same
     outside = ["--set", f"sensor.outside={spelled}"]
     maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "-o", "none")

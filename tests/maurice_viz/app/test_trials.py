@@ -44,9 +44,9 @@ def test_every_run_is_that_of_a_replay_also_with_parts_of_ones_own_in_other_proc
     assert result.runs["label"].to_list() == [
         label for label in ("blended", "Still", "ascending") for _ in range(2)
     ]
-    for asked, errors_m in zip(filters, result.runs["error_m"].reshape((3, 2)), strict=True):
+    for asked, errors_m in zip(filters, result.runs["error_mean_m"].reshape((3, 2)), strict=True):
         alone = [mv.replay(drive, filter=asked.set(seed=seed)).runs[0].score for seed in range(2)]
-        assert errors_m.to_list() == [score.position_error_mean_m for score in alone]
+        assert errors_m.to_list() == [score.error_mean_m for score in alone]
 
 
 def test_a_folder_keeps_them_and_more_seeds_are_added(drive: Path, tmp_path: Path) -> None:
@@ -114,5 +114,5 @@ def test_what_cannot_be_tried_is_one_line(drive: Path, asked: dict[str, object],
 def test_options_of_reading_reach_every_run(drive: Path) -> None:
     usual = mv.trials(drive, filters=mv.Filter(particles=50), seeds=1).runs
     turned = mv.trials(drive, filters=mv.Filter(particles=50), seeds=1, reading=mv.Reading(turn_scale=-1.0))
-    assert turned.runs["error_m"][0] != usual["error_m"][0]
+    assert turned.runs["error_mean_m"][0] != usual["error_mean_m"][0]
     assert isinstance(turned.runs, pl.DataFrame)

@@ -189,7 +189,7 @@ def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
 def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session, tmp_path):
     def error(*args: str | Path) -> float:
         (found,) = runs_of(run(small_session, "-o", "none", "--json", *args).stdout)
-        return float(found["position_error_mean_m"])
+        return float(found["error_mean_m"])
 
     right, wrong = tmp_path / "right.toml", tmp_path / "wrong.toml"
     text = '[robot.motion]\nmodel = "maurice"\nturn_gain = {}\nstraight_bias_m = 0.0\nturn_sd_rad = 0.02\n'

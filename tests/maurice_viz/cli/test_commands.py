@@ -19,8 +19,8 @@ from maurice_viz.cli.app import app
 from maurice_viz.errors import Terminated
 
 RUN_KEYS = {
-    "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
-    "position_error_final_m", "heading_error_mean_rad", "localized_at_step", "lost_at_step",
+    "label", "updates", "distance_m", "error_mean_m", "error_median_m",
+    "error_final_m", "heading_error_mean_rad", "localized_at_step", "lost_at_step",
     "localized_share", "lost", "wrong_confident_share", "relative_error", "steps_per_s",
 }  # fmt: skip
 
@@ -40,7 +40,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
     (found,) = json.loads(done.stdout)["runs"]
     assert set(found) >= RUN_KEYS
     assert (found["label"], found["updates"]) == ("blended", 14)
-    assert 0 < found["position_error_mean_m"] < 0.5
+    assert 0 < found["error_mean_m"] < 0.5
     assert found["lost"] is False
     assert not list(tmp_path.glob("*.rrd"))
 
@@ -77,7 +77,7 @@ def test_without_truth_figures_are_null_and_the_replay_still_draws(small_session
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))
     (found,) = runs_of(run(small_session, "--json").stdout)
-    assert found["position_error_mean_m"] is None
+    assert found["error_mean_m"] is None
     assert found["lost"] is None
     assert found["distance_m"] == pytest.approx(14 * 0.12)
     assert (tmp_path / f"{tmp_path.name}.rrd").exists()
@@ -91,7 +91,7 @@ def test_inspect_and_one_picture(small_session):
     small_session.write_text("".join(lines[:4]))
     (found,) = runs_of(run(small_session, "--json").stdout)
     assert found["updates"] == 1
-    assert found["position_error_mean_m"] is None  # scored from the fourth update on
+    assert found["error_mean_m"] is None  # scored from the fourth update on
 
 
 def test_starts_and_motion_are_checked(small_session, tmp_path):
@@ -145,7 +145,7 @@ def test_library_build_show_and_use(small_session, tmp_path):
     assert "160 pictures" in run("library", "show", "survey.log").stdout
     kept = run(small_session, "--json", "-o", "none", "--library", "kept")
     named = run(small_session, "--json", "-o", "none")
-    errors = [json.loads(d.stdout)["runs"][0]["position_error_mean_m"] for d in (kept, named)]
+    errors = [json.loads(d.stdout)["runs"][0]["error_mean_m"] for d in (kept, named)]
     assert errors[0] == errors[1]
 
 

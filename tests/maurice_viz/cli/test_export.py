@@ -46,7 +46,7 @@ def test_scored_figures_are_those_of_the_table(saved, tmp_path):
     assert exported["updates"] == 11
     assert exported["label"] == shown["label"]
     for name in ("mean", "median"):
-        assert exported["position_error_m"][name] == pytest.approx(shown[f"position_error_{name}_m"])
+        assert exported["error_m"][name] == pytest.approx(shown[f"error_{name}_m"])
     run("export", saved, "-o", tmp_path / "t.tum", "--only", "truth")
     assert [file.name for file in tmp_path.glob("t*.tum")] == ["t.tum"]
 

@@ -41,7 +41,7 @@ def test_a_table_replays_as_the_log_of_the_same_drive(small_session):
     (one,), (two,) = json.loads(native)["runs"], json.loads(other)["runs"]
     assert one["updates"] == two["updates"] == 14
     assert one["distance_m"] == pytest.approx(two["distance_m"])
-    assert two["position_error_final_m"] < 0.5
+    assert two["error_final_m"] < 0.5
 
 
 def test_recordings_need_a_library_and_sound_options(small_session):

@@ -72,7 +72,7 @@ def test_what_it_asks_for_fills_the_gap_and_lowers_the_error(gap, tmp_path):
         .runs
         for library in (gap, built)
     ]
-    worse = [old.error_m - new.error_m for old, new in zip(*errors, strict=True)]
+    worse = [old.error_mean_m - new.error_mean_m for old, new in zip(*errors, strict=True)]
     assert np.median(worse) > 0.2
 
 

@@ -112,7 +112,7 @@ def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
     assert open_run(folder).configuration.values()["sensor.weights"]["beacon"] == 0.5
     out, err = maurice("kept", "-o", "none", "--json")
     (found,), (expected,) = runs_of(out), runs_of(saved)
-    assert found["position_error_mean_m"] == expected["position_error_mean_m"]
+    assert found["error_mean_m"] == expected["error_mean_m"]
     assert "no channel called 'beacon'" in one_line(err)
     assert "panels of comparisons stay empty" in err
     assert "no channel called 'beacon'" in maurice("verify", "kept", expect=1)[1]

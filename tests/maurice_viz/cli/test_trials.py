@@ -43,7 +43,7 @@ def test_a_row_has_the_figures_of_a_replay(small_session: Path, tmp_path: Path) 
             small_session, filter=mv.Filter(row["label"], feature=feature, particles=60, seed=row["seed"])
         )
         score = scores.runs[0].score
-        assert row["error_m"] == score.position_error_mean_m
+        assert row["error_mean_m"] == score.error_mean_m
         assert row["heading_error_rad"] == score.heading_error_mean_rad
         assert row["heading_error_median_rad"] == score.heading_error_median_rad
         assert row["wrong_confident"] == score.wrong_confident_share
@@ -78,8 +78,8 @@ def printed(table: Table, width: int = 80) -> str:
 @pytest.mark.parametrize(
     ("metric", "title", "value", "limits"),
     [
-        ("error_m", "error (in)", "10.0", "5.0 to 20.0"),
-        ("heading_error_rad", "heading error (deg)", "14.6", "7.3 to 29.1"),
+        ("error_mean_m", "error mean (in)", "10.0", "5.0 to 20.0"),
+        ("heading_error_mean_rad", "heading error mean (deg)", "14.6", "7.3 to 29.1"),
         ("took_s", "took (s)", "0.3", "0.1 to 0.5"),
         ("confidence_end", "confidence end", "0.25", "0.13 to 0.51"),
         ("right_at_end", "right at end (%)", "25.4", "12.7 to 50.8"),
@@ -95,14 +95,14 @@ def test_units(metric: str, title: str, value: str, limits: str) -> None:
 
 
 def test_three_keys_fit_into_80_columns() -> None:
-    shown = printed(_groups([Group(BY, KNOWN, 0.254, 20, 0)], "error_m"))
+    shown = printed(_groups([Group(BY, KNOWN, 0.254, 20, 0)], "error_mean_m"))
     row = next(line for line in shown.splitlines() if "color" in line)
     for text in (*BY.values(), "5.0 to 20.0"):
         assert text in row
 
 
 def test_what_is_not_known_is_a_dash() -> None:
-    shown = printed(_groups([Group({"feature": None}, NOT_KNOWN, float("nan"), 0, 4)], "error_m"))
+    shown = printed(_groups([Group({"feature": None}, NOT_KNOWN, float("nan"), 0, 4)], "error_mean_m"))
     assert "nan" not in shown
     assert "None" not in shown
     assert "failed" in shown

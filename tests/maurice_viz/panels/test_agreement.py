@@ -232,7 +232,7 @@ def test_traces_scores_and_verdict_agree(drive):
     verdict = result.verdict
     assert scale.length(verdict.error_most_m) == pytest.approx(max(rows["position_error"][3:]))
     assert scale.length(verdict.error_end_m) == pytest.approx(rows["position_error"][-1])
-    assert verdict.error_mean_m == pytest.approx(result.score.position_error_mean_m)
+    assert verdict.error_mean_m == pytest.approx(result.score.error_mean_m)
     (episode,) = verdict.episodes
     assert (episode.kind, episode.first, verdict.decisive) == ("kidnapped", CARRIED, CARRIED)
     assert episode.localized is not None

@@ -112,7 +112,7 @@ def test_every_preset_in_trials_as_a_branch_and_in_a_check(drive, tmp_path):
             .made.tracks[0]
         )
         errors_m = [_error_m(rows) for rows in alone[name]]
-        np.testing.assert_allclose(checked.off_m, errors_m, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(checked.error_m, errors_m, rtol=0, atol=1e-12)
 
 
 def _rows(small: SmallDrive, localizer: Localizer, start: F64 | None) -> list[StepRows]:

@@ -42,7 +42,7 @@ class Heard:
 
 
 RIGHT = StepScore(0.01, 0.0, True, correct=True, lost=False)
-OFF = replace(RIGHT, position_error_m=3.0, correct=False, lost=True)
+OFF = replace(RIGHT, error_m=3.0, correct=False, lost=True)
 BLIND = StepScore(None, None, True, None, None)
 
 

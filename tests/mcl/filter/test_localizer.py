@@ -313,7 +313,7 @@ def test_far_from_the_origin_the_errors_are_the_same(world_at):
     for world in (world_at(), world_at((float(at[0]), float(at[1])))):
         localizer = _localizer(world, particles=400, seed=2)
         scores.append(score(run(localizer, world.drive, world.start)))
-    assert scores[1].position_error_mean_m == pytest.approx(scores[0].position_error_mean_m, abs=0.002)
+    assert scores[1].error_mean_m == pytest.approx(scores[0].error_mean_m, abs=0.002)
     assert scores[1].heading_error_mean_rad == pytest.approx(scores[0].heading_error_mean_rad, abs=0.002)
 
 

@@ -115,7 +115,7 @@ def test_a_laser_that_stands_elsewhere_is_no_wrong_map():
 
 
 def test_a_start_at_the_right_place_in_a_wrong_heading_is_said_so():
-    around = replace(OFF, position_error_m=0.01, heading_error_rad=np.pi)
+    around = replace(OFF, error_m=0.01, heading_error_rad=np.pi)
     wrong = failure_of(FITS, ALL, score=around, near=GONE, began_together=True)
     text = say_cause(wrong, Scale(units_named("m")))
     assert text.startswith("the filter began at the true place (off by 0.01 m), but 180 deg off its heading")

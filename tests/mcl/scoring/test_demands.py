@@ -34,7 +34,7 @@ def test_a_run_that_finds_itself_in_time_meets_all_demands():
     found = judge_run(track(10), [0], ALL)
     assert found.passed
     assert (found.found_after, found.converged_after, found.first_failed_at) == (10, 1, None)
-    assert found.error_m == pytest.approx(0.1)  # what was off while it searched does not count
+    assert found.error_mean_m == pytest.approx(0.1)  # what was off while it searched does not count
 
 
 def test_one_update_too_late_fails_at_the_last_update_that_was_allowed():
@@ -45,7 +45,7 @@ def test_one_update_too_late_fails_at_the_last_update_that_was_allowed():
 
 def test_a_loss_counts_from_its_first_update_and_raises_the_mean_error():
     off = (np.arange(UPDATES) >= 20) & (np.arange(UPDATES) < 30)
-    found = judge_run(track(off_m=np.where(off, 2.0, 0.1), lost=off, localized=~off), [0], ALL)
+    found = judge_run(track(error_m=np.where(off, 2.0, 0.1), lost=off, localized=~off), [0], ALL)
     assert found.met == {LOCALIZED: True, KEPT: False, ERROR: False, CONVERGED: True}
     assert found.failed_at == {KEPT: 20, ERROR: 20}
     short = np.arange(UPDATES) // 3 == 7  # three updates in a row are no loss
@@ -54,7 +54,7 @@ def test_a_loss_counts_from_its_first_update_and_raises_the_mean_error():
 
 def test_after_a_kidnapping_the_time_to_search_begins_again():
     lost = (np.arange(UPDATES) >= 20) & (np.arange(UPDATES) < 27)
-    run = track(off_m=np.where(lost, 5.0, 0.1), lost=lost, localized=~lost)
+    run = track(error_m=np.where(lost, 5.0, 0.1), lost=lost, localized=~lost)
     assert not judge_run(run, [0], ALL).passed
     assert judge_run(run, [0, 20], ALL).passed
     assert judge_run(run, [0, 20], ALL).found_after == 8
@@ -80,7 +80,7 @@ def test_a_kidnapping_too_late_in_the_drive_is_not_judged():
 
 def test_updates_without_truth_are_in_no_error():
     off_m = np.where(np.arange(UPDATES) % 2, 0.1, np.nan)
-    assert judge_run(track(off_m=off_m), [0], ALL).error_m == pytest.approx(0.1)
+    assert judge_run(track(error_m=off_m), [0], ALL).error_mean_m == pytest.approx(0.1)
 
 
 def test_who_asks_about_the_truth_also_asks_not_to_be_lost():

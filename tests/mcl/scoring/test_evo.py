@@ -66,8 +66,8 @@ def scored(world_at, tmp_path_factory):
 def test_errors_are_what_evo_finds(scored, relation):
     folder, steps, whole, _, _ = scored
     if relation == "trans_part":
-        ours = np.array([step.position_error_m for step in steps])
-        mean, median = whole.position_error_mean_m, whole.position_error_median_m
+        ours = np.array([step.error_m for step in steps])
+        mean, median = whole.error_mean_m, whole.error_median_m
     else:
         ours = np.degrees([step.heading_error_rad for step in steps])
         mean, median = np.degrees(whole.heading_error_mean_rad), np.degrees(whole.heading_error_median_rad)

@@ -73,7 +73,7 @@ def _score(truths, converged=1.0, motions=STILL):
 )
 def test_correct_and_too_far_off(off_in, off_deg, correct, lost):
     score = score_step(_estimate(), _truth(off_in, off_deg))
-    assert score.position_error_m == pytest.approx(off_in * INCH_M)
+    assert score.error_m == pytest.approx(off_in * INCH_M)
     assert score.heading_error_rad == pytest.approx(abs((np.deg2rad(off_deg) + np.pi) % (2 * np.pi) - np.pi))
     assert (score.correct, score.lost) == (correct, lost)
 
@@ -90,30 +90,30 @@ def test_localized_and_wrong_and_confident(share, off_in, localized, wrong):
 def test_what_has_no_truth_has_no_figure():
     score = score_step(_estimate(), None)
     assert score.converged
-    known = (score.position_error_m, score.heading_error_rad, score.correct, score.lost, score.localized)
+    known = (score.error_m, score.heading_error_rad, score.correct, score.lost, score.localized)
     assert known == (None,) * 5
     assert score.wrong_and_confident is None
     run = _score([None] * 3, motions=np.array([[0.3, 0.4, 1.0], [-0.5, 0.0, 0.0]]))
     assert run.distance_m == pytest.approx(3 * 1.0)
     assert run.updates == 3
-    unknown = (run.position_error_mean_m, run.position_error_median_m, run.position_error_final_m, run.lost)
+    unknown = (run.error_mean_m, run.error_median_m, run.error_final_m, run.lost)
     assert unknown == (None,) * 4
     assert (run.reached, run.localized_share, run.wrong_confident_share, run.right_at_end) == (None,) * 4
     assert (run.localized_at_update, run.lost_at_update, run.heading_error_mean_rad) == (None,) * 3
     run = _score([_truth(), None, None, None, _truth(20), None])
     assert run.localized_share == pytest.approx(0.5)
     assert run.wrong_confident_share == pytest.approx(0.5)
-    assert run.position_error_mean_m == pytest.approx(20 * INCH_M)
-    assert run.position_error_final_m == pytest.approx(20 * INCH_M)
+    assert run.error_mean_m == pytest.approx(20 * INCH_M)
+    assert run.error_final_m == pytest.approx(20 * INCH_M)
     assert run.distance_m == pytest.approx(20 * INCH_M)
 
 
 def test_errors_are_counted_from_the_fourth_update():
     run = _score([_truth(i) for i in (90, 90, 90, 2, 4, 12)])
     assert run.updates == 6
-    assert run.position_error_mean_m == pytest.approx(6 * INCH_M)
-    assert run.position_error_median_m == pytest.approx(4 * INCH_M)
-    assert run.position_error_final_m == pytest.approx(12 * INCH_M)
+    assert run.error_mean_m == pytest.approx(6 * INCH_M)
+    assert run.error_median_m == pytest.approx(4 * INCH_M)
+    assert run.error_final_m == pytest.approx(12 * INCH_M)
     turned = _score([_truth(0, i) for i in (90, 90, 90, 2, -4, 12)])
     assert turned.heading_error_mean_rad == pytest.approx(np.deg2rad(6))
     assert turned.heading_error_median_rad == pytest.approx(np.deg2rad(4))
@@ -122,7 +122,7 @@ def test_errors_are_counted_from_the_fourth_update():
 def test_a_lost_run_is_four_running_and_stays_in_its_mean():
     run = _score([_truth(i) for i in (0, 0, 0, 0, 100, 100, 100, 100)])
     assert run.lost
-    assert run.position_error_mean_m == pytest.approx(80 * INCH_M)
+    assert run.error_mean_m == pytest.approx(80 * INCH_M)
     assert not _score([_truth(i) for i in (40, 40, 40, 0, 40, 40, 40, 0)]).lost
     run = _score([_truth(i) for i in (0, 0, 40, 40, 40, 40, 0, 0)])
     assert run.lost
@@ -183,10 +183,10 @@ def test_a_run_has_relative_errors_from_its_first_scored_update():
 def test_short_runs_have_few_figures():
     run = score_table(TableRows().table())
     assert (run.updates, run.distance_m) == (0, 0)
-    assert run.position_error_mean_m is None
+    assert run.error_mean_m is None
     run = _score([_truth(1)] * 3)
-    assert run.position_error_mean_m is None
-    assert run.position_error_final_m == pytest.approx(INCH_M)
+    assert run.error_mean_m is None
+    assert run.error_final_m == pytest.approx(INCH_M)
     assert run.localized_at_update is None
     assert run.lost is False
 
@@ -229,7 +229,7 @@ def test_a_truth_far_from_the_origin_scores_the_same():
         pose, off = rng.uniform(-2, 2, 3), rng.normal(0, 0.3, 3)
         for rows, at in ((near, np.zeros(3)), (far, np.array([5e5, -3e5, 0]))):
             _add(rows, _estimate(*(pose + at)), pose + at + off)
-    for name in ("position_error_mean_m", "position_error_final_m", "heading_error_mean_rad", "distance_m"):
+    for name in ("error_mean_m", "error_final_m", "heading_error_mean_rad", "distance_m"):
         there, here = (getattr(score_table(rows.table()), name) for rows in (far, near))
         assert there == pytest.approx(here, abs=1e-8)
 

@@ -300,8 +300,8 @@ def test_updates_in_a_row_and_of_the_last():
     assert [score("o" * 3 + "r" * n + "o" * (10 - n)).right_at_end for n in (6, 7)] == SIDES
     assert [score("o" * n + "r" * (10 - n)).right_at_end for n in (4, 3)] == SIDES
     assert score("r" * 9).right_at_end is None
-    assert score("ooorrr").position_error_mean_m == pytest.approx(0, abs=1e-9)
-    assert score("oooorr").position_error_mean_m == pytest.approx(5 / 3)
+    assert score("ooorrr").error_mean_m == pytest.approx(0, abs=1e-9)
+    assert score("oooorr").error_mean_m == pytest.approx(5 / 3)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from rerun.chunk import RrdReader
 
@@ -100,7 +101,7 @@ def test_the_rate_is_tested_and_not_one_run(drive):
 def test_runs_are_those_of_a_replay_with_that_seed(drive):
     found = mv.check(drive, filter=SMALL, demands=WITHIN_A_METER, seeds=3).drives[0]
     alone = mv.replay(drive, filter=SMALL.set(seed=2)).runs[0].score
-    assert found.runs[2].error_m == alone.position_error_mean_m
+    assert found.runs[2].error_mean_m == alone.error_mean_m
     assert found.runs[2].found_after == alone.localized_at_update
 
 
@@ -114,6 +115,10 @@ def test_the_same_filter_is_no_worse_than_itself(drive, baseline):
     found = mv.check(drive, filter=SMALL, seeds=8, against=baseline)
     assert found.passed
     assert {(one.difference, one.pairs) for one in found.drives[0].changes} == {(0.0, 8)}
+    older = baseline.with_name("older.parquet")
+    pl.read_parquet(baseline).rename({"error_m": "off_m"}).write_parquet(older)
+    again = mv.check(drive, filter=SMALL, seeds=8, against=older)
+    assert again.drives[0].changes == found.drives[0].changes
 
 
 def test_a_worse_filter_fails_against_the_baseline_and_a_better_one_does_not(drive, baseline, tmp_path):
@@ -222,7 +227,9 @@ def compared(before_m: F64, after_m: F64, limit_m: float) -> tuple[BaselineChang
     def judgements(errors_m: F64) -> list[RunJudgement]:
         limits = limit_m * np.array([1.0, 1.2, 0.9])
         return [
-            RunJudgement(seed, dict(zip(KINDS, (error_m < limits).tolist(), strict=True)), error_m=error_m)
+            RunJudgement(
+                seed, dict(zip(KINDS, (error_m < limits).tolist(), strict=True)), error_mean_m=error_m
+            )
             for seed, error_m in enumerate(errors_m.tolist())
         ]
 
