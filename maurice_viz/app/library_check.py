@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import Reading
-from maurice_mcl.config.build import adapted
+from maurice_mcl.config.build import adapted, own_scaled
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
 from maurice_mcl.library.drive_score import DriveScore
@@ -25,7 +25,8 @@ from maurice_mcl.values import F64, Library, plain, plain_value
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
-from ..running.open import library_at, open_session
+from ..running.filters import Filter
+from ..running.open import library_at, open_session, with_channels
 from ..style import scale_for
 from ..text.library import say_places
 
@@ -42,6 +43,7 @@ class LibraryCheck:
     telling: PlaceScore  # whether its places can be told apart, with the fitted scales
     advice: LibraryAdvice  # what will be confused, and which references to add
     wanted_m: float  # between places: as they are, or nearer where they are too sparse
+    weights: Mapping[str, float]  # of the channels that are compared
     drive: DriveScore | None = None  # what a drive's pictures say about it; None: no drive was given
 
     def to_json(self) -> dict[str, Any]:
@@ -132,8 +134,8 @@ def check_library(
     survey err alike, so that only a drive shows whether a robot's pictures fit where they were taken.
     `reading` says how it is read.
 
-    `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity and of
-    references to add (.png), `poses` writes these as a table (.csv). Raises
+    `feature` is a feature or a channel by name, or a network, `onnx:FILE.onnx`. `to` also draws the map of
+    expected ambiguity and of references to add (.png), `poses` writes these as a table (.csv). Raises
     InputError for a library that cannot be opened or lacks a channel of the feature.
 
         >>> import maurice_viz as mv
@@ -150,19 +152,22 @@ def check_library(
     if drive is not None:
         options = reading or Reading()
         recorded = open_session(Path(drive), options, listener)
-    weights = FEATURES.get(feature, {feature: 1.0})
+    configuration = Filter(feature=feature).configuration()
+    opened = with_channels([configuration], opened, listener)
+    weights = configuration.parameters.sensor.weights
     missing = [name for name in weights if name not in opened.index]
     if missing:
         content = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
         raise InputError(path, f"{content}, and {missing[0]} is wanted; build the library again")
     nearest = nearest_reference(opened.poses, opened.arena)
-    table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights))))
+    own = own_scaled(configuration, opened, nearest).parameters.sensor.scales
+    table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights), scales=own)))
     similarity = self_similarity_of(table, progress_of(listener, "compare"))
     telling = score_places(table)
     wanted_m = _wanted_m(opened, similarity, telling)
     covered, advice = coverage_of(opened, wanted_m), advise(opened, replace(similarity, spacing_m=wanted_m))
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
-    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, of_drive)
+    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, weights, of_drive)
     if to is not None:
         check.draw(to, force=force)
     if poses is not None:

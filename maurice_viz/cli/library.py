@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ from rich.table import Table
 
 from maurice_mcl.library.advice import AMBIGUITY, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library.quality import Coverage, SelfSimilarity
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values import ChannelIndex, Library
 
 from ..app.library import TuningResult, build_library
@@ -205,11 +205,10 @@ def check(
 ) -> None:
     """Compare a library's pictures with each other: look-alikes, ambiguity, gaps, and references to add."""
     outputs = by_suffix(files, (".png", ".csv"))
-    feature = feature or "blended"
     with listening() as listener:
         report = check_library(
             library,
-            feature=feature,
+            feature=feature or "blended",
             to=outputs.get(".png"),
             poses=outputs.get(".csv"),
             drive=drive,
@@ -220,10 +219,11 @@ def check(
     if json_output:
         print_json(report)
     else:
-        _print(report, weights_of(feature))
+        _print(report)
 
 
-def _print(report: LibraryCheck, weights: Mapping[str, float]) -> None:
+def _print(report: LibraryCheck) -> None:
+    weights = report.weights
     name, scale = report.library.name, scale_for(report.library.display_units, report.library.arena)
     table = _check_table(report.library, report.similarity, report.coverage, scale)
     table.add_row("places", scores_of(report.telling))

@@ -20,6 +20,7 @@ from maurice_loaders.reading.observations import SCAN_GATE, Gate
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.parameters import PRESETS, RULES, Configuration
+from maurice_mcl.sensor.descriptors.network import file_of, is_network, network_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.values import F64, Session, expected_one_of
 
@@ -48,7 +49,7 @@ class Filter:
     """
 
     preset: str | None = None  # a key of PRESETS; the name of a feature is taken as `feature`
-    feature: str | None = None  # a key of FEATURES, or one channel: color, edges, blended, best, ...
+    feature: str | None = None  # a key of FEATURES, one channel, or a network, onnx:FILE.onnx
     particles: int | None = None  # 2000, unless the configuration says otherwise
     seed: int = 0  # of all randomness: the same seed gives the same run
     start: Any = None  # "tracking", "truth", "global", "X,Y,HEADING", or a pose (3,) in meters and radians
@@ -63,10 +64,13 @@ class Filter:
     robot: tuple[str, ...] = field(default=(), repr=False)  # topics and frames, which choose among AMCLs
 
     def __post_init__(self) -> None:
-        if self.preset in (*FEATURES, *CHANNELS) and self.preset not in PRESETS and self.feature is None:
+        features = (*FEATURES, *CHANNELS)
+        is_feature = (self.preset in features and self.preset not in PRESETS) or is_network(self.preset)
+        if is_feature and self.feature is None:
             self._become(preset=None, feature=self.preset)
         check_name(self.preset, PRESETS, "preset")
-        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        if not is_network(self.feature):
+            check_name(self.feature, features, "feature")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or not 0 <= self.seed <= MOST_SEED:
             raise OptionError(f"seed: found {self.seed!r}, expected a whole number from 0 to {MOST_SEED}")
         file = None if self.config is None else Path(self.config)
@@ -110,7 +114,7 @@ class Filter:
     @property
     def label(self) -> str:
         """The run's name, after what distinguishes it."""
-        parts = [part for part in (self.preset, self.feature) if part]
+        parts = [word_of(part) for part in (self.preset, self.feature) if part]
         parts = parts or ([] if self.config else list(map(word_of, self.channels)))
         return self.name or "-".join(parts) or (Path(self.config).stem if self.config else "blended")
 
@@ -124,7 +128,10 @@ class Filter:
     @property
     def changes(self) -> dict[str, Any]:
         """All settings by key that are chosen here, over preset and file. OptionError for one given twice."""
-        weights = None if self.feature is None else weights_of(self.feature)
+        feature = self.feature
+        weights = None if feature is None else weights_of(feature)
+        if feature is not None and is_network(feature):
+            weights = {network_of(feature).name: 1.0}
         chosen = {"sensor.weights": weights, "particles": self.particles} | self.parts
         chosen = {key: value for key, value in chosen.items() if value is not None}
         for key in self.settings:
@@ -137,9 +144,10 @@ class Filter:
     @property
     def parts(self) -> dict[str, Any]:
         """The settings by key that name parts of the filter."""
+        network = (self.feature,) if is_network(self.feature) else ()
         values = {
             "sensor.outside": self.sensors or None,
-            "sensor.channels": self.channels or None,
+            "sensor.channels": (*network, *self.channels) or None,
             "resampling.scheme": self.resampler,
             "recovery.strategy": self.recovery,
             "motion": self.motion,
@@ -183,8 +191,8 @@ def filter_of(given: AnyFilter) -> Filter:
         raise OptionError(
             f"found the filter {given!r:.60}, expected a Filter, or the name of a preset or feature"
         )
-    names = [*PRESETS, *FEATURES, *CHANNELS]
-    check_name(given, names, "preset or feature")
+    if not is_network(given):
+        check_name(given, [*PRESETS, *FEATURES, *CHANNELS], "preset or feature")
     return Filter(given)
 
 
@@ -221,7 +229,8 @@ def words_of(specs: Sequence[Filter]) -> list[str]:
     numbers = {"particles": spec.particles, "seed": spec.seed or None}
     start = "start" if isinstance(spec.start, tuple) else spec.start
     files = [None if file is None else Path(file).stem for file in (spec.config, motion_file(spec.changes))]
-    words = [spec.name or None, spec.preset, spec.feature, *files, start]
+    feature = spec.feature and word_of(spec.feature)
+    words = [spec.name or None, spec.preset, feature, *files, start]
     words += [f"{name} {value}" for name, value in numbers.items() if value is not None]
     words += [f"{key} {word_of(value)}" for key, value in spec.settings.items() if key != "motion"]
     words += [
@@ -236,6 +245,8 @@ def word_of(value: Any) -> str:
     """Return a value as a run's name may hold it: of a file its stem, of a part of one's own its name."""
     if isinstance(value, (list, tuple)):
         return " ".join(map(word_of, value))
+    if is_network(value):
+        return file_of(value).stem
     if isinstance(value, (str, Path)):
         return Path(value).stem if Path(value).suffix == ".toml" else str(value)
     own = value if inspect.isroutine(value) or isinstance(value, type) else type(value)
@@ -275,7 +286,7 @@ def told_apart(filters: Sequence[Filter]) -> list[Filter]:
 def _words_of(kind: str, values: Sequence[Any], filters: Sequence[Filter]) -> list[str]:
     """Return a word for each value of one kind of choice."""
     if kind in ("preset", "feature"):
-        return [value or chosen.label for value, chosen in zip(values, filters, strict=True)]
+        return [word_of(value or chosen.label) for value, chosen in zip(values, filters, strict=True)]
     if kind == "config" and all(values):
         return names_of([Path(value).with_suffix("") for value in values])
     if kind in ("config", "particles", "seed"):

@@ -17,7 +17,8 @@ from ..filter.proposal import MixtureProposal, MotionProposal, Proposal, Regions
 from ..filter.recovery import RecoveryStep, strategy_of
 from ..filter.resampling import POLICIES, Resampling, resampler_of
 from ..library.left_out import LeftOutTable, PlaceScore, fitted_scale, is_sparse, score_places
-from ..sensor.descriptors.registry import CHANNELS, OwnChannel, give_channels, weights_of
+from ..sensor.descriptors.registry import CHANNELS, OUR_NAMES, OwnChannel, give_channels, weights_of
+from ..sensor.distances import SIGNED
 from ..sensor.laser.sensor import LASER, laser_of
 from ..sensor.map_places import reference_of
 from ..sensor.model import SensorModel, SensorParameters
@@ -228,7 +229,8 @@ def adapted(
     That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
-    configuration = _own_scaled(configuration, library, nearest)
+    _check_signs(library, configuration.parameters.sensor)
+    configuration = own_scaled(configuration, library, nearest)
     sensor = configuration.parameters.sensor
     library = equipped(library, sensor)
     model = SensorModel(library, nearest, sensor)
@@ -259,10 +261,19 @@ def adapted(
     return replace(configuration, parameters=parameters, settings=settings), scored
 
 
+def _check_signs(library: Library, sensor: SensorParameters) -> None:
+    """Raise ValueError where numbers below 0 would be compared by a distance that takes none."""
+    for name in library.index.keys() & sensor.distances.keys() - OUR_NAMES:
+        distance = sensor.distances[name]
+        if distance not in SIGNED and library.index[name].references.min(initial=0) < 0:
+            expected = f"expected one of {', '.join(sorted(SIGNED))}: it has numbers below 0"
+            raise ValueError(f"sensor.distances: found {distance!r} for {name}, {expected}")
+
+
 OWN_SCALES = "the library's places"  # origin of the scales of one's own channels
 
 
-def _own_scaled(configuration: Configuration, library: Library, nearest: NearestReference) -> Configuration:
+def own_scaled(configuration: Configuration, library: Library, nearest: NearestReference) -> Configuration:
     """Give channels of one's own that have no scale one that is fitted to the library's own pictures."""
     sensor = configuration.parameters.sensor
     own = [name for name in sensor.weights if isinstance(CHANNELS.get(name), OwnChannel)]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..values import F32, Centered, ChannelIndex
+from ..values import F32, Centered, ChannelIndex, units_of
 
 Distance = Callable[[F32, ChannelIndex], F32]
 
@@ -56,6 +56,12 @@ def hellinger(sample: F32, index: ChannelIndex) -> F32:
     return _by_products(np.sqrt(sample), index.centered_roots)
 
 
+def cosine(sample: F32, index: ChannelIndex) -> F32:
+    """One minus the cosine of the angle between s and r: what networks' descriptors are compared by."""
+    apart = _by_products(units_of(sample), index.centered_units)
+    return np.asarray(np.square(apart) * np.float32(len(sample) / 2), np.float32)
+
+
 def _by_products(sample: F32, references: Centered) -> F32:
     """Return the root (L,) of each row's mean squared difference, as |r|^2 - 2 r.s + |s|^2.
 
@@ -91,7 +97,9 @@ DISTANCES: Mapping[str, Distance] = {
     "l2": l2,
     "chi2": chi2,
     "hellinger": hellinger,
+    "cosine": cosine,
 }
+SIGNED = frozenset({"l1", "l2", "cosine"})  # that may be chosen for numbers below 0
 
 
 def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
@@ -106,6 +114,9 @@ def contributions(distance: str, sample: F32, reference: F32, index: ChannelInde
             return _share(np.square(gap), reference + sample)
         case "hellinger":
             return np.asarray(np.square(np.sqrt(reference) - np.sqrt(sample)), np.float32)
+        case "cosine":
+            apart = np.square(units_of(reference) - units_of(sample))
+            return np.asarray(apart * np.float32(len(sample) / 2), np.float32)
         case _:
             return np.asarray(gap, np.float32)
 

@@ -21,6 +21,13 @@ from .session import Camera
 from .setting_rules import radius
 
 
+def units_of(values: F32) -> F32:
+    """Return rows (..., D) at length 1; zeros stay zeros."""
+    length = np.linalg.norm(values, axis=-1, keepdims=True)
+    units: F32 = np.divide(values, length, out=np.zeros_like(values), where=length > 0)
+    return units
+
+
 @dataclass(frozen=True, eq=False)
 class ChannelIndex:
     """One channel over all of a library, in the unit of that channel."""
@@ -38,6 +45,11 @@ class ChannelIndex:
     def centered_roots(self) -> Centered:
         """Square roots of the references, about their mean."""
         return Centered.of(np.sqrt(self.references))
+
+    @cached_property
+    def centered_units(self) -> Centered:
+        """The references at length 1, about their mean."""
+        return Centered.of(units_of(self.references))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

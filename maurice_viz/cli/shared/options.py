@@ -12,6 +12,7 @@ import typer
 
 from maurice_loaders.reading.options import FIELDS, Reading
 from maurice_mcl.config.parameters import PRESETS, RULES
+from maurice_mcl.sensor.descriptors.network import SCHEME
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.values import expected_one_of
 
@@ -87,14 +88,17 @@ def _words_of(rule: Callable[[str, Any], Any]) -> tuple[str, ...]:
     return ()
 
 
-def one_of(known: Iterable[str], what: str) -> dict[str, Any]:
-    """Return what an option of known names has: how they are typed, their check, and their completion."""
+def one_of(known: Iterable[str], what: str, schemes: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return what an option of known names has: how they are typed, their check, and their completion.
+
+    Names that begin with one of `schemes` are taken, too.
+    """
     names = list(dict.fromkeys(known))
     choices = "|".join(names)
 
     def check(typed: Any) -> Any:
         for value in typed if isinstance(typed, list) else [typed]:
-            if value is not None and value not in names:
+            if value is not None and value not in names and not value.startswith(schemes):
                 raise typer.BadParameter(f"no {what} called {value!r}; {expected_one_of(value, names)}")
         return typed
 
@@ -115,9 +119,10 @@ Run = Annotated[
 ]
 _FEATURE = option(
     "--feature",
-    f"Feature to compare: {', '.join(FEATURES)}, or any one channel. [default: blended]",
+    f"Feature to compare: {', '.join(FEATURES)}, any one channel, or a network, {SCHEME}FILE.onnx. "
+    "[default: blended]",
     FILTER,
-    **one_of([*FEATURES, *CHANNELS], "feature"),
+    **one_of([*FEATURES, *CHANNELS], "feature", (SCHEME,)),
 )
 _PRESET = option(
     "--preset",

@@ -4,4 +4,5 @@
 - `histograms`: `color`, `edges`, `smoothed`, `blurred`, `cumulative`
 - `chromaticity`: colors of the whole picture without its brightness
 - colors by place in the picture: `color_grid`, `tiny`; edges: `hog`
+- `network`: an ONNX file of the user's
 """

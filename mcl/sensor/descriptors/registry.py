@@ -16,12 +16,13 @@ import cv2
 import numpy as np
 
 from ...errors import InputError
-from ...values import F32, U8, called, made, name_of, own_part, texts
+from ...values import F32, POSE_SENSORS, U8, called, made, name_of, own_part, texts
 from ..distances import DISTANCES
 from .chromaticity import Chromaticity
 from .color_grid import ColorGrid
 from .histograms import HISTOGRAMS
 from .hog import Hog
+from .network import HASHED, is_network, network_of
 from .tiny import Tiny
 
 GROUP = "maurice_replay.channels"
@@ -48,7 +49,10 @@ class Channel(Protocol):
         ...
 
     def describe(self, image: U8) -> F32:
-        """Return (D,) float32, finite and >= 0, of a picture (H, W, 3) RGB; D is always the same."""
+        """Return (D,) float32, finite, of a picture (H, W, 3) RGB; D is always the same.
+
+        Of a channel that is compared by the cosine, numbers may be below 0.
+        """
         ...
 
     def parameters(self) -> dict[str, Any]:
@@ -138,9 +142,14 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
         raise ValueError(f"channel {channel.name!r} gave {what}, expected float32 of one dimension")
     if size is not None and len(descriptor) != size:
         raise ValueError(f"channel {channel.name!r} gave {len(descriptor)} numbers after {size}")
-    if not (np.isfinite(descriptor).all() and (descriptor >= 0).all()):
+    if not _is_measured(descriptor, channel.distance):
         raise ValueError(f"channel {channel.name!r} gave a negative or no finite number")
     return descriptor
+
+
+def _is_measured(descriptor: F32, distance: str) -> bool:
+    """Whether all numbers are finite, and none is below 0 but where the cosine is compared."""
+    return bool(np.isfinite(descriptor).all() and (distance == "cosine" or (descriptor >= 0).all()))
 
 
 LOADED = load_channels(entry_points(group=GROUP))
@@ -185,8 +194,10 @@ class OwnChannel:
             raise ValueError(
                 f"channel {part}: has no describe(image); a channel has name, distance and describe"
             )
-        if not isinstance(self.name, str) or not NAME.fullmatch(self.name) or self.name in LOADED.channels:
+        taken = (*LOADED.channels, *POSE_SENSORS)
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name) or self.name in taken:
             expected = "expected a lower-case word like cells that no channel has"
+            expected += "; rename the file" if is_network(part) else ""
             raise ValueError(f"channel {part}: its name is {self.name!r}, {expected}")
         if self.distance not in DISTANCES:
             known = ", ".join(DISTANCES)
@@ -196,27 +207,40 @@ class OwnChannel:
     def describe(self, image: U8) -> F32:
         """Return (D,) float32 of a picture (H, W, 3) RGB. InputError for other numbers."""
         descriptor = np.asarray(called(f"channel {self.part}", self._describe, image), np.float32)
-        if descriptor.ndim != 1 or not (np.isfinite(descriptor).all() and (descriptor >= 0).all()):
-            expected = "expected finite numbers of one dimension, none below 0"
+        if descriptor.ndim != 1 or not _is_measured(descriptor, self.distance):
+            expected = "expected finite numbers of one dimension"
+            expected += "" if self.distance == "cosine" else ", none below 0"
             raise InputError(None, f"channel {self.part}: found {descriptor.shape}, {expected}")
         return descriptor
 
     def parameters(self) -> dict[str, Any]:
-        """Return what its descriptors depend on: its source."""
-        return {"part": self.part}
+        """Return what its descriptors depend on: its source, of a network its hash wherever the file is."""
+        return {"part": HASHED.findall(self.part) if is_network(self.part) else self.part}
 
 
 def channel_names(key: str, value: Any) -> tuple[str, ...]:
     """Take a list of channels of one's own: objects, or names, `module:name`; each gets one with a hash."""
     parts = value if isinstance(value, (list, tuple)) else texts(key, value)
-    typed = [isinstance(part, str) and "@" not in part for part in parts]
-    parts = [own_part("channel", part) if name else part for part, name in zip(parts, typed, strict=True)]
-    return tuple(dict.fromkeys(part if isinstance(part, str) else name_of(part) for part in parts))
+    return tuple(dict.fromkeys(map(_name_of_channel, parts)))
+
+
+def _name_of_channel(part: Any) -> str:
+    if is_network(part):
+        return str(part) if HASHED.search(part) else network_of(part).part
+    if isinstance(part, str):
+        return part if "@" in part else name_of(own_part("channel", part))
+    return name_of(part)
+
+
+def _own_channel(part: str) -> OwnChannel:
+    if is_network(part):
+        return OwnChannel(part, network_of(part))
+    return OwnChannel(part, made("channel", own_part("channel", part)))
 
 
 def give_channels(parts: Iterable[str]) -> tuple[str, ...]:
     """Make channels of one's own known by their names, and return these. ValueError for what is none."""
-    channels = [OwnChannel(part, made("channel", own_part("channel", part))) for part in parts]
+    channels = list(map(_own_channel, parts))
     names = tuple(channel.name for channel in channels)
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

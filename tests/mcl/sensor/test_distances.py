@@ -9,6 +9,7 @@ from maurice_mcl.sensor.distances import (
     DISTANCES,
     chi2,
     contributions,
+    cosine,
     hellinger,
     l1,
     l2,
@@ -44,6 +45,7 @@ def _small():
         (l1, [9 / 4, 8 / 4]),
         (l2, [np.sqrt(27 / 4), np.sqrt(30 / 4)]),
         (chi2, [(16 / 4 + 9 / 5 + 1 / 1 + 1 / 3) / 4, (25 / 13 + 1 / 1 + 4 / 2) / 4]),
+        (cosine, [1 - 6 / np.sqrt(22 * 17), 1 - 37 / np.sqrt(22 * 82)]),
         (hellinger, [np.sqrt((4 + 1 + 1 + (np.sqrt(2) - 1) ** 2) / 4), np.sqrt((1 + 0 + 1 + 2) / 4)]),
     ],
 )
