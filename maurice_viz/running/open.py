@@ -333,10 +333,19 @@ def _check_start(
     x_min, y_min, x_max, y_max = library.arena.bounds
     if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
         bounds = f"x {borders[0]} to {borders[2]}, y {borders[1]} to {borders[3]} {units.name}"
+        if library.is_map and _is_near(start, library):
+            warn(f"{at} is outside the map ({bounds}): the scans alone tell how the robot moves there")
+            return
         raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
     local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
     if reference.entries(local, library.origin)[0] < 0:
         warn(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
+
+
+def _is_near(pose: F64, library: Library) -> bool:
+    """Return whether a pose (3,) off the map is no farther from it than the map is long."""
+    low, high = np.array(library.arena.bounds).reshape(2, 2)
+    return bool(np.hypot(*(np.clip(pose[:2], low, high) - pose[:2])) < (high - low).max())
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

@@ -7,12 +7,26 @@ particles by the reference nearest to them; here it counts them by places on a l
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
-from ..values import F64, FREE, I32, MOST_CELLS, Arena, Bool, Grid, Keep, Library, OccupancyMap, place_tree
-from .references import HEADING_BINS, NearestReference, nearest_reference
+from ..values import (
+    F32,
+    F64,
+    FREE,
+    I32,
+    MOST_CELLS,
+    Arena,
+    Bool,
+    Grid,
+    Keep,
+    Library,
+    OccupancyMap,
+    place_tree,
+)
+from .references import HEADING_BINS, LookedUp, NearestReference, nearest_reference, of_entries
 
 MOST_PLACES = 500
 LEAST_APART_M = 0.5  # places closer together tell less than they cost
@@ -51,6 +65,35 @@ def _lattice(free: Bool, stride: int) -> tuple[F64, F64]:
     return rows[first].astype(np.float64), columns[first].astype(np.float64)
 
 
+@dataclass(frozen=True, eq=False)
+class MapReference(NearestReference):
+    """The nearest place of a map, also beyond its rectangle: off the map is a place as unknown space is."""
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """See `NearestReference.entries`; -1 for poses that are no numbers alone."""
+        entries = super().entries(poses, origin)
+        beyond = np.flatnonzero(entries < 0)
+        if len(beyond):
+            entries[beyond] = self._beyond(poses[beyond], origin)
+        return entries
+
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
+        """See `NearestReference.look`."""
+        entries = self.entries(poses, origin)
+        return entries, of_entries(log_likelihood, entries), None
+
+    def _beyond(self, poses: F32, origin: F64) -> I32:
+        """Return the entry (N,) of poses (N, 3) off the map: by the middles of cells, as on it."""
+        _, heading = self.bins_of(poses, origin)
+        low, cell_m = self.grid.corner, self.grid.cell_m
+        middles = low + cell_m * (np.floor((poses[:, :2] + origin - low) / cell_m) + 0.5)
+        known, entries = np.isfinite(middles).all(axis=1), np.full(len(poses), -1, np.int32)
+        if known.any():
+            place = place_tree(self.places).query(middles[known])[1]
+            entries[known] = self.entry_of[place, heading[known]]
+        return entries
+
+
 def reference_of(library: Library, arena: Arena | None = None) -> NearestReference:
     """Return which of a library's entries each pose is nearest to: of a map's places, or of references.
 
@@ -69,7 +112,7 @@ def _of_places(poses: F64, occupancy: OccupancyMap, keep: Keep) -> NearestRefere
     bins = np.arange(HEADING_BINS) // (HEADING_BINS // HEADINGS)
     entry_of = np.arange(len(places))[:, None] * HEADINGS + bins
     outside = np.full((1, HEADING_BINS), -1)
-    return NearestReference(
+    return MapReference(
         grid,
         places,
         np.append(nearest, -1).astype(np.int32),

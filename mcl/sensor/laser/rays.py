@@ -12,6 +12,7 @@ from .field import cell_distances, look_up
 LEAST_STEP = 0.5  # cells
 WALL_MARGIN = 1.0  # cells that a ray ends before the middle of a blocked one; a corner may be cut
 STEP_OUTSIDE = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
+LEAST_ALONG = 1e-9  # of a direction along an axis
 BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `MOST_CELLS`
 STEPS_A_ROUND = 10  # after which rays that ended are put aside
 
@@ -46,6 +47,8 @@ class Rays:
     def _reach(self, rays: F32, most: np.float32) -> F32:
         """Follow rays (4, R) x, y, cosine, sine until they are blocked, at most this many cells (R,)."""
         reach, gone = np.full(rays.shape[1], most), np.zeros(rays.shape[1], np.float32)
+        if self.outside:
+            gone = self._to_map(rays)
         which = np.arange(len(reach))
         while len(which):
             x, y, along_x, along_y = rays
@@ -57,6 +60,22 @@ class Rays:
             left = (step > 0) & (gone < most)
             which, gone, rays = which[left], gone[left], rays[:, left]
         return reach
+
+    def _to_map(self, rays: F32) -> F32:
+        """Return how many cells rays (4, R) go until they are on the map; those that never are go no step."""
+        x, y, along_x, along_y = rays
+        height, width = self.steps.shape
+        off = (x < -0.5) | (x > width - 0.5) | (y < -0.5) | (y > height - 0.5)
+        gone = np.zeros(rays.shape[1], np.float32)
+        if not off.any():
+            return gone
+        place, along = np.stack([x, y])[:, off], np.stack([along_x, along_y])[:, off]
+        low, high = np.full((2, 1), -0.5), np.array([[width - 0.5], [height - 0.5]])
+        along = np.where(np.abs(along) < LEAST_ALONG, LEAST_ALONG, along)
+        borders = np.sort(np.stack([low - place, high - place]) / along, axis=0)
+        enter, leave = borders[0].max(axis=0), borders[1].min(axis=0)
+        gone[off] = np.where((enter < leave) & (enter > 0), enter + LEAST_STEP, 0)
+        return gone
 
 
 def cast(occupancy: OccupancyMap, poses: F64, angles_rad: F64, max_m: float) -> F32:

@@ -67,8 +67,8 @@ def test_a_pose_counts_for_the_nearest_place_and_its_heading():
     assert np.abs(wrap(chosen[:, 2] - poses[:, 2])).max() <= np.pi / HEADINGS + 1e-4
 
 
-def test_no_cell_of_the_map_is_ruled_out_and_all_beyond_it_is():
-    """A robot may stand where a cell was not seen, or is taken for occupied."""
+def test_no_cell_of_the_map_is_ruled_out_nor_what_is_beyond_it():
+    """A robot may stand where a cell was not seen, is taken for occupied, or is missing."""
     grid = rooms()
     reference = reference_of(map_library(grid, "rooms"))
     everywhere = centers(grid, np.ones_like(grid.free))
@@ -76,7 +76,7 @@ def test_no_cell_of_the_map_is_ruled_out_and_all_beyond_it_is():
     assert (reference.entries(poses, np.zeros(2)) >= 0).all()
     x_min, y_min, x_max, y_max = grid.bounds
     beyond = np.array([[x_min - 0.1, y_min + 1, 0], [x_max + 0.1, y_min + 1, 0], [x_min + 1, y_max + 0.1, 0]])
-    assert (reference.entries(beyond.astype(np.float32), np.zeros(2)) == -1).all()
+    assert (reference.entries(beyond.astype(np.float32), np.zeros(2)) >= 0).all()
 
 
 def test_a_map_of_many_cells_has_a_coarser_raster_with_the_same_free_space():
@@ -92,3 +92,26 @@ def test_a_map_of_many_cells_has_a_coarser_raster_with_the_same_free_space():
 def test_a_map_without_free_cells_is_refused():
     with pytest.raises(InputError, match="no free cell"):
         map_library(OccupancyMap(np.full((4, 5), OCCUPIED, np.uint8), 0.1, CORNER), "inverted")
+
+
+def test_off_the_map_a_pose_counts_as_on_a_map_with_a_border():
+    grid = rooms()
+    wide = OccupancyMap(
+        np.pad(grid.cells, 80, constant_values=UNKNOWN), grid.cell_m, CORNER - 80 * grid.cell_m
+    )
+    library, random = map_library(grid, "rooms"), np.random.default_rng(5)
+    low, high = np.array(wide.bounds).reshape(2, 2)
+    poses = np.column_stack(
+        [random.uniform(low, high, (3000, 2)) - library.origin, random.uniform(-3, 3, 3000)]
+    )
+    poses = poses.astype(np.float32)
+    reference, beyond = reference_of(library), reference_of(map_library(wide, "rooms"))
+    entries = reference.entries(poses, library.origin)
+    assert (reference.grid.cells_of(poses[:, :2], library.origin) < 0).mean() > 0.3
+    # of two places that are as near any may count, and a pose at the edge of a cell be rounded into the next
+    assert (entries == beyond.entries(poses, library.origin)).mean() > 0.98
+    nats = np.arange(library.size, dtype=np.float32)
+    np.testing.assert_array_equal(reference.look(nats, poses, library.origin)[1], nats[entries])
+    assert (
+        reference.entries(np.array([[np.nan, 0, 0], [1e9, 0, 0]], np.float32), np.zeros(2)).tolist()[0] == -1
+    )

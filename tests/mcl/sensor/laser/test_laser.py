@@ -246,6 +246,18 @@ def test_rays_reach_what_blocks_them(grid):
     assert cast(grid, poses[:1], np.zeros(1), 2.0) == 2.0
 
 
+def test_rays_from_beyond_a_map_reach_what_they_would_through_unknown_cells(grid):
+    wide = OccupancyMap(np.pad(grid.cells, 100, constant_values=UNKNOWN), CELL_M, grid.corner - 100 * CELL_M)
+    around = np.linspace(-np.pi, np.pi, 40)
+    middle, away = np.array([3.0, 2.0]), np.stack([np.cos(around), np.sin(around)], axis=1)
+    poses = np.column_stack([middle + 4.5 * away, around + np.pi])
+    reach, expected = (cast(map_, poses, np.linspace(-1, 1, 31), 12.0) for map_ in (grid, wide))
+    assert (expected < 12).mean() > 0.5
+    assert (expected == 12).any()
+    # a ray that grazes a corner may slip past it
+    assert (np.abs(reach - expected) < 1.5 * CELL_M).mean() > 0.99
+
+
 def test_rays_are_those_of_small_steps(grid):
     poses = np.random.default_rng(8).uniform([0.1, 0.1, -3], [5.2, 3.2, 3], (40, 3))
     angles = np.linspace(-3, 3, 23)
