@@ -11,17 +11,11 @@ from itertools import chain, islice
 
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
-from maurice_mcl.reasons.rivals import RivalFinder
+from maurice_mcl.reasons.rivals import with_rivals
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
-from maurice_mcl.scoring.comparison import (
-    ComparisonResult,
-    DeadReckoning,
-    RunComparison,
-    Step,
-    StepComparison,
-)
-from maurice_mcl.scoring.events import Say, in_meters
+from maurice_mcl.scoring.comparison import ComparisonResult, Step, compare, parting
+from maurice_mcl.scoring.events import RunEvent, Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, score_table
 from maurice_mcl.scoring.standing import Standing
@@ -120,44 +114,28 @@ class ResultCollector:
         laid on the arena's occupancy map.
         """
         self._arena_m = arena.size_m
-        self._pairings = {
-            label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
-            for label in labels[1:]
-        }
         filters, starts = localizers or {}, starts or {}
         self._verdicts = {
             label: VerdictBuilder(filters.get(label), arena.occupancy, starts.get(label)) for label in labels
         }
-        self._reckonings = {
-            label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
-        }
-        self._other_drives, self._rivals = frozenset(other_drives), RivalFinder()
+        self._first, self._say, self._other_drives = labels[0], say, frozenset(other_drives)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
         self.no_number = dict.fromkeys(labels, 0)  # of them those with likelihoods that are no numbers
 
-    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, StepComparison]:
-        """Add one update of every run of one drive; return how each run compares with the first."""
-        return self.add_steps({label: (moment, record) for label, record in records.items()})
+    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> None:
+        """Add one update of every run of one drive."""
+        self.add_steps({label: (moment, record) for label, record in records.items()})
 
-    def add_steps(self, steps: Mapping[str, Step]) -> Mapping[str, StepComparison]:
+    def add_steps(self, steps: Mapping[str, Step]) -> None:
         """Add one update of every run, each with its own moment."""
         self.updates += 1
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self.no_number[label] += NO_NUMBER in record.events
             self._verdicts[label].add(moment, record)
-            reckoning = self._reckonings[label]
-            if reckoning is not None:
-                reckoning.add(moment, record)
             self._took_s[label] += sum(record.took_s.values())
-        same = [label for label in steps if label not in self._other_drives]
-        estimates = {label: steps[label][1].estimate.pose for label in same}
-        knows = {label: self._verdicts[label].signal.knows for label in same}
-        self._rivals.add(steps[same[0]][0].frame.step, estimates, knows)
-        pairings = self._pairings.items()
-        return {label: pairing.see(steps[pairing.first], steps[label]) for label, pairing in pairings}
 
     def standings(self) -> dict[str, Standing | None]:
         """Return how each run stands now; None: not known."""
@@ -165,16 +143,24 @@ class ResultCollector:
 
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""
-        return self._rivals.explain({label: self._verdict(label) for label in self._verdicts})
+        verdicts = {label: builder.result() for label, builder in self._verdicts.items()}
+        return with_rivals(verdicts, {label: self.table(label) for label in self._of_first_drive})
+
+    def partings(self) -> dict[str, RunEvent]:
+        """Return the event by which each run parts from the first, of those that do."""
+        first, others = self.table(self._first), self._of_first_drive[1:]
+        events = {
+            label: parting(first, self.table(label), (self._first, label), self._say) for label in others
+        }
+        return {label: event for label, event in events.items() if event is not None}
+
+    @property
+    def _of_first_drive(self) -> list[str]:
+        return [label for label in self._verdicts if label not in self._other_drives]
 
     def table(self, label: str) -> RunTable:
         """Return a run as a table, up to now."""
         return self._verdicts[label].table
-
-    def _verdict(self, label: str) -> RunVerdict:
-        reckoning = self._reckonings[label]
-        alone = None if reckoning is None else reckoning.result()
-        return replace(self._verdicts[label].result(), odometry_alone=alone)
 
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
@@ -187,5 +173,7 @@ class ResultCollector:
         per_s = score.updates / took_s if took_s > 0 else None
         signal = self._verdicts[label].signal.summary()
         result = RunResult(label, score, per_s, verdict, table.radii, signal=signal, table=table)
-        pairing = self._pairings.get(label)
-        return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())
+        if label == self._first:
+            return result
+        paired = compare(self.table(self._first), table, same_drive=label not in self._other_drives)
+        return replace(result, against=self._first, paired=paired)

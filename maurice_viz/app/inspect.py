@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import zip_longest
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,9 +18,9 @@ from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import Reading, write_reading
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_mcl.reasons.causes import Failure
-from maurice_mcl.scoring.comparison import RunComparison
+from maurice_mcl.scoring.comparison import parting
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
+from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values import Library, Moment, StepRecord, expected_one_of, plain
 
@@ -208,47 +207,44 @@ def events(run: str | Path, *, kinds: Sequence[str] = (), routine: bool = False)
         return event.kind in kinds if kinds else routine or not event.is_routine
 
     runs = open_runs(Path(run))
-    watched = [_Watched.of(saved, runs[0]) for saved in runs]
-    for updates in zip_longest(*(_updates(saved) for saved in runs)):
-        for each, update in zip(watched, updates, strict=True):
-            if update is not None:
-                each.see(updates[0], update)
-    by_run = (RunEvents(each.label, tuple(filter(is_wanted, each.result()))) for each in watched)
+    watched = [_Watched.of(saved) for saved in runs]
+    by_run = [RunEvents(each.label, tuple(filter(is_wanted, each.beside(watched[0])))) for each in watched]
     return FoundEvents(tuple(by_run), runs[0].manifest.name)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Watched:
-    """One run while its events are found; the first run of a comparison has no pairing."""
+    """One run and its own events."""
 
-    label: str
-    detector: EventDetector
-    pairing: RunComparison | None
-    events: list[RunEvent]
-    failures: Sequence[Failure]  # as they were found when the run ended
-    scale: Scale
-    times_s: dict[int, float] = field(default_factory=dict)  # of each step
+    run: SavedRun
+    table: RunTable
+    events: Sequence[RunEvent]
 
     @classmethod
-    def of(cls, run: SavedRun, first: SavedRun) -> _Watched:
-        own, other = run.manifest, first.manifest
-        scale = Scale(units_named(own.display_units))
-        say = scale.say
-        same = own.session.sha256 == other.session.sha256
-        pairing = None if run is first else RunComparison(other.label, own.label, say, same)
-        return cls(own.label, EventDetector(say), pairing, [], own.failures or (), scale)
+    def of(cls, run: SavedRun) -> _Watched:
+        detector, rows, events = EventDetector(_scale(run).say), TableRows(), list[RunEvent]()
+        for moment, record in _updates(run):
+            events += detector.see(moment, record)
+            rows.add(moment, record)
+        return cls(run, rows.table(), events)
 
-    def see(self, first: Update | None, update: Update) -> None:
-        self.events += self.detector.see(*update)
-        if self.pairing is not None and first is not None:
-            parted = self.pairing.see(first, update).event
-            self.events += [parted] if parted else []
-        moment, _ = update
-        self.times_s[moment.frame.step] = moment.frame.time_s
+    @property
+    def label(self) -> str:
+        return self.run.manifest.label
 
-    def result(self) -> tuple[RunEvent, ...]:
-        """Return the events of all its updates, and its failures among them."""
-        return tuple(with_failures(self.events, self.failures, self.times_s, self.scale))
+    def beside(self, first: _Watched) -> list[RunEvent]:
+        """Return the events of all its updates, with its failures, and where it parts from the first run."""
+        own, other, table, scale = self.run.manifest, first.run.manifest, self.table, _scale(self.run)
+        same = self is not first and own.session.sha256 == other.session.sha256
+        labels = (other.label, own.label)
+        parted = parting(first.table, table, labels, scale.say) if same else None
+        times_s = dict(zip(table.steps.tolist(), table.times_s.tolist(), strict=True))
+        events = [*self.events, *([] if parted is None else [parted])]
+        return with_failures(events, own.failures or (), times_s, scale)
+
+
+def _scale(run: SavedRun) -> Scale:
+    return Scale(units_named(run.manifest.display_units))
 
 
 def _updates(run: SavedRun) -> Iterator[Update]:

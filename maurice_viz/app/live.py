@@ -157,7 +157,7 @@ class Live:
         return steps[self._view.label][1]
 
     def _draw(self, moment: Moment, steps: Mapping[str, tuple[Moment, StepRecord]]) -> None:
-        pairs = self._collector.add_steps(steps)
+        self._collector.add_steps(steps)
         if self._rec is None:
             return
         if self._observer is None:
@@ -171,7 +171,7 @@ class Live:
             light = self._detail is Detail.LIGHT
             self._rec.send_blueprint(layout_of([self._view], scene, light=light))
             self._observer = SceneObserver(self._rec, [self._view], scene, self._detail)
-        self._observer.see(steps, pairs, self._collector.verdicts)
+        self._observer.see(steps, self._collector.verdicts)
 
     @property
     def table(self) -> RunTable:

@@ -16,8 +16,8 @@ from maurice_loaders.runs.writer import PARTS, StepRows, rows_of
 from maurice_mcl.filter.branch import recovery_evidence, remembered
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import SecondOpinion
-from maurice_mcl.scoring.comparison import RunComparison, Step
-from maurice_mcl.scoring.events import PARTED
+from maurice_mcl.scoring.comparison import APART_FOR, Step, parting
+from maurice_mcl.scoring.events import PARTED, RunEvent
 from maurice_mcl.scoring.metrics import mostly_at_end
 from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.sensor.ahead import Compared
@@ -159,14 +159,9 @@ class _Pair:
     localizer: Localizer  # of the branch
     differs: RunDifference | None = None
     last: int = 0  # step
-    parting: RunComparison = field(init=False)
+    parted: RunEvent | None = None  # known so far
     run_rows: TableRows = field(default_factory=TableRows)  # of the updates after the branch
     branch_rows: TableRows = field(default_factory=TableRows)
-
-    def __post_init__(self) -> None:
-        info, arena = self.point.session.info, self.point.library.arena
-        say = scale_for(info.display_units, arena).say
-        self.parting = RunComparison(self.point.run.manifest.label, self.label, say)
 
     @property
     def label(self) -> str:
@@ -207,7 +202,7 @@ class _Pair:
                 state, branch = self._stepped(state, moment, record)
             self.last = step
             branch = branch if second is None else second.added_to(branch)
-            moment = self._with_events(moment, record, branch)
+            moment = self._with_events(moment)
             yield dict(zip(names, ((moment, record), (moment, branch)), strict=True))
 
     def _looked_at(self, moment: Moment, record: StepRecord) -> StepRecord:
@@ -220,15 +215,23 @@ class _Pair:
         sighting = sensor.at(comparison, record.weighted.poses)
         return replace(record, sighting=sighting, channel_evidence=unknown)
 
-    def _with_events(self, moment: Moment, record: StepRecord, branch: StepRecord) -> Moment:
+    def _with_events(self, moment: Moment) -> Moment:
         """Add to the log where the branch begins, and where it is certain that both have parted."""
         events, step = list(moment.events), moment.frame.step
         if step == max(self.from_step, 1):
             events.append(f"{BRANCH} with {', '.join(self.change.words) or 'nothing changed'}")
-        seen = self.parting.see((moment, record), (moment, branch))
-        if seen.event is not None:
-            events.append(f"{PARTED} at step {self.parting.parted_at}: {seen.event.text}")
+        if self.parted is None:
+            self.parted = self._parting()
+            if self.parted is not None:
+                events.append(f"{PARTED} at step {step - APART_FOR + 1}: {self.parted.text}")
         return replace(moment, events=tuple(events))
+
+    def _parting(self) -> RunEvent | None:
+        """Return the event if the last updates make certain that both have parted."""
+        info, arena = self.point.session.info, self.point.library.arena
+        run, branch = (rows.table(last=APART_FOR) for rows in (self.run_rows, self.branch_rows))
+        names = (self.point.run.manifest.label, self.label)
+        return parting(run, branch, names, scale_for(info.display_units, arena).say)
 
     def _stepped(
         self, state: FilterState, moment: Moment, record: StepRecord

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.comparison import Step, StepComparison
+from maurice_mcl.scoring.comparison import Step
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.values import F64, Moment, StepRecord
 
@@ -141,13 +141,8 @@ class SceneObserver:
         self.most_not_lost_m = 0.0  # the largest of errors that do not count as lost
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
-    def see(
-        self,
-        steps: Mapping[str, Step],
-        pairs: Mapping[str, StepComparison],
-        verdicts: Callable[[], Mapping[str, RunVerdict]],
-    ) -> None:
-        """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
+    def see(self, steps: Mapping[str, Step], verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
+        """Log one update of every run, and for a live drive the verdict."""
         for moment, record in steps.values():
             if moment.truth is not None:
                 self._see_length(record.estimate.pose[:2] - moment.truth[:2], record.estimate.radii.lost_m)

@@ -206,11 +206,11 @@ def step_through(
         with stops_between() as stops:
             for steps in _warned(playback, listener):
                 with stops.wait():
-                    pairs = collector.add_steps(steps)
+                    collector.add_steps(steps)
                     for label, writer in writers.items():
                         writer.add(*steps[label])
                     if observer is not None and playback.draws(steps):
-                        observer.see(steps, pairs, collector.verdicts)
+                        observer.see(steps, collector.verdicts)
                 listener.progress(collector.updates, playback.total, "replay")
                 if playback.watch is not None:
                     playback.watch.see(steps, collector)

@@ -160,13 +160,13 @@ def collect(
     scores = ResultCollector(list(runs_by_label), arena, scale.say, localizers=localizers, starts=starts)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
-        paired = scores.add(moment, records)
+        scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
             events[label].extend(detectors[label].see(moment, record))
-        for label, step in paired.items():
-            events[label].extend([] if step.event is None else [step.event])
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
+    for label, event in scores.partings().items():
+        events[label].append(event)
     results = scores.results()
     tracks = []
     for run in results:

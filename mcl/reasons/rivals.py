@@ -7,62 +7,55 @@ there, is evidence that does not hang on the doubted estimate.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..scoring.lost_signal import KNOWS_ABOVE
-from ..values import F64
+from ..scoring.table import RunTable
 from .causes import LIGHTING, UNKNOWN, VIEW, Failure, Value
 from .verdict import RunVerdict
 
 MOST_SHARE = 0.5  # of the steps of a doubt, at which another run knows where it is, and is elsewhere
 
 
-@dataclass(slots=True)
-class RivalFinder:
-    """Follows runs over one drive; keeps a place and a probability for each run and update."""
+def with_rivals(verdicts: Mapping[str, RunVerdict], tables: Mapping[str, RunTable]) -> dict[str, RunVerdict]:
+    """Return the verdicts; a doubted run's say which other run the same pictures fit elsewhere.
 
-    _steps: list[int] = field(default_factory=list)
-    _runs: dict[str, list[tuple[float, float, float]]] = field(default_factory=dict)  # x, y, and knows
+    `tables` are those of the runs that share one drive.
+    """
+    return {label: _explained(label, verdict, tables) for label, verdict in verdicts.items()}
 
-    def add(self, step: int, estimates: Mapping[str, F64], knows: Mapping[str, float | None]) -> None:
-        """Process the next update: the estimate (3,) of each run, and how probably it is right."""
-        self._steps.append(step)
-        for label, (x, y, _) in estimates.items():
-            self._runs.setdefault(label, []).append((x, y, knows[label] or 0.0))
 
-    def explain(self, verdicts: Mapping[str, RunVerdict]) -> dict[str, RunVerdict]:
-        """Return the verdicts; a doubted run's say which other run the same pictures fit elsewhere."""
-        return {label: self._explained(label, verdict) for label, verdict in verdicts.items()}
+def _explained(label: str, verdict: RunVerdict, tables: Mapping[str, RunTable]) -> RunVerdict:
+    if label not in tables or not any(map(_is_open, verdict.failures)):
+        return verdict
+    failures = [_with_rival(label, f, tables) if _is_open(f) else f for f in verdict.failures]
+    return replace(verdict, failures=tuple(failures))
 
-    def _explained(self, label: str, verdict: RunVerdict) -> RunVerdict:
-        if label not in self._runs or not any(map(_is_open, verdict.failures)):
-            return verdict
-        lost_m = verdict.radii.lost_m
-        failures = [self._with_rival(label, f, lost_m) if _is_open(f) else f for f in verdict.failures]
-        return replace(verdict, failures=tuple(failures))
 
-    def _with_rival(self, label: str, failure: Failure, lost_m: float) -> Failure:
-        """Return a failure with the run that is elsewhere at most of its steps, and since when it is."""
-        steps, own = np.array(self._steps), np.array(self._runs[label])
-        during = (steps >= failure.episode.first) & (steps <= failure.episode.last)
-        best, found = MOST_SHARE, failure
-        for other in self._runs.keys() - {label}:
-            places = np.array(self._runs[other])
-            apart_m = np.hypot(*(places - own)[:, :2].T)
-            elsewhere = apart_m > lost_m
-            share = float(np.mean(elsewhere[during] & (places[during, 2] > KNOWS_ABOVE)))
-            if share <= best:
-                continue
-            first = int(np.flatnonzero(during)[0])
-            while first > 0 and elsewhere[first - 1]:
-                first -= 1
-            away_m = float(np.median(apart_m[during & elsewhere]))
-            evidence: dict[str, Value] = {**failure.evidence, "rival": other, "apart_m": away_m}
-            best = share
-            found = replace(failure, kind=UNKNOWN, first=int(steps[first]), evidence=evidence)
-        return found
+def _with_rival(label: str, failure: Failure, tables: Mapping[str, RunTable]) -> Failure:
+    """Return a failure with the run that is elsewhere at most of its steps, and since when it is."""
+    own, most_share = tables[label], MOST_SHARE
+    during = (own.steps >= failure.episode.first) & (own.steps <= failure.episode.last)
+    explained = failure
+    for name, other in tables.items():
+        if name == label:
+            continue
+        away = other.poses - own.poses
+        apart_m = np.hypot(away[:, 0], away[:, 1])
+        elsewhere = apart_m > own.radii.lost_m
+        share = float(np.mean((elsewhere & (other.knows > KNOWS_ABOVE))[during]))
+        if share <= most_share:
+            continue
+        first = int(np.flatnonzero(during)[0])
+        together = np.flatnonzero(~elsewhere[:first])
+        first = int(together[-1]) + 1 if len(together) else 0
+        away_m = float(np.median(apart_m[during & elsewhere]))
+        evidence: dict[str, Value] = {**failure.evidence, "rival": name, "apart_m": away_m}
+        most_share = share
+        explained = replace(failure, kind=UNKNOWN, first=int(own.steps[first]), evidence=evidence)
+    return explained
 
 
 def _is_open(failure: Failure) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..filter.estimate import modes
 from ..filter.localizer import LEFT_MAP, Localizer
-from ..scoring.comparison import OdometryAlone
+from ..scoring.comparison import OdometryAlone, odometry_alone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore, score_step
@@ -288,7 +288,7 @@ class VerdictBuilder:
     With the run's `localizer` its failures are diagnosed by references, motion and map, too.
     """
 
-    localizer: InitVar[Localizer | None] = None
+    localizer: Localizer | None = None
     occupancy: InitVar[OccupancyMap | None] = None  # that scans of a run without one are laid on
     start: InitVar[F64 | None] = None  # (3,) where the run began, for odometry alone
     _incidents: IncidentFinder = field(default_factory=IncidentFinder)
@@ -298,10 +298,9 @@ class VerdictBuilder:
     _standing: StandingFinder = field(default_factory=StandingFinder)
     _rows: TableRows = field(default_factory=TableRows)
 
-    def __post_init__(
-        self, localizer: Localizer | None, occupancy: OccupancyMap | None, start: F64 | None
-    ) -> None:
-        self._rows = TableRows(start=start)
+    def __post_init__(self, occupancy: OccupancyMap | None, start: F64 | None) -> None:
+        localizer = self.localizer
+        self._rows = TableRows(start=start, localizer=localizer)
         self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None:
@@ -349,6 +348,7 @@ class VerdictBuilder:
             failures=failures,
             ambiguity=self._ambiguity.ambiguity,
             now=self.now,
+            odometry_alone=None if self.localizer is None else odometry_alone(run, self.localizer),
         )
 
 

@@ -6,15 +6,16 @@ divided by its own standard error (Goetze and Kuensch 1996). The interval is for
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from ..filter.localizer import Localizer
-from ..values import F32, F64, Domain, Moment, StepRecord, stream
+from ..values import F64, Domain, Moment, StepRecord, stream
 from .events import PARTED, RunEvent, Say
-from .metrics import FIRST_SCORED, score_step
+from .metrics import FIRST_SCORED
+from .table import RunTable, in_a_row
 
 # An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.
 
@@ -68,17 +69,7 @@ def _critical(blocks: F64, count: int, seed: int) -> float:
 
 Step: TypeAlias = tuple[Moment, StepRecord]
 
-APART_FOR = 2  # steps in a row at which estimates are more than `confidence_m` apart: different places
-
-
-@dataclass(frozen=True, slots=True)
-class StepComparison:
-    """One update of a run against the same update of the first run."""
-
-    position_m: float | None  # its position error minus the first run's: below zero is better; None: no truth
-    heading_rad: float | None  # the same of the heading error
-    apart_m: float | None  # between the two estimates; None for runs of different drives
-    event: RunEvent | None  # at the update at which the divergence is certain
+APART_FOR = 2  # updates in a row at which estimates are more than `confidence_m` apart: different places
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,59 +115,52 @@ class ComparisonResult:
     parted_at: int | None  # the first update of those at which the estimates were apart; None: never
 
 
-@dataclass(slots=True)
-class RunComparison:
-    """Compares one run with the first one, update by update; keeps three numbers per update."""
+def compare(first: RunTable, other: RunTable, *, same_drive: bool = True) -> ComparisonResult:
+    """Compare a run with the first one, as far as the shorter goes.
 
-    first: str  # label of the run that the others are compared with
-    other: str
-    say: Say  # writes a length in meters, with its unit
-    same_drive: bool = True  # otherwise steps are aligned by their number, and places are not compared
-    parted_at: int | None = None  # known so far
-    _position: list[float] = field(default_factory=list)
-    _heading: list[float] = field(default_factory=list)
-    _apart: list[float] = field(default_factory=list)
-    _seen: int = 0
-    _running: int = 0  # updates in a row, up to the last one, at which the estimates were apart
-
-    def see(self, first: Step, other: Step) -> StepComparison:
-        """Process the next update of both runs."""
-        self._seen += 1
-        a, b = (score_step(record.estimate, moment.truth) for moment, record in (first, other))
-        position = _difference(a.error_m, b.error_m)
-        heading = _difference(a.heading_error_rad, b.heading_error_rad)
-        if position is not None and heading is not None and self._seen >= FIRST_SCORED:
-            self._position.append(position)
-            self._heading.append(heading)
-        if not self.same_drive:
-            return StepComparison(position, heading, None, None)
-        distance_m = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
-        self._apart.append(distance_m)
-        return StepComparison(position, heading, distance_m, self._parting(distance_m, first))
-
-    def _parting(self, apart_m: float, first: Step) -> RunEvent | None:
-        moment, record = first
-        self._running = self._running + 1 if apart_m > record.estimate.radii.confidence_m else 0
-        if self._running != APART_FOR or self.parted_at is not None:
-            return None
-        self.parted_at = moment.frame.step - APART_FOR + 1
-        what = f"{self.other} and {self.first} are {self.say(apart_m)} apart, since step {self.parted_at}"
-        return RunEvent(moment.frame.step, moment.frame.time_s, PARTED, what)
-
-    def result(self) -> ComparisonResult:
-        """Return the comparison so far."""
-        distances_m = self._apart
-        return ComparisonResult(
-            difference_of(np.array(self._position)),
-            difference_of(np.array(self._heading)),
-            float(np.mean(distances_m)) if distances_m else None,
-            max(distances_m) if distances_m else None,
-            self.parted_at,
-        )
+    Runs of different drives are aligned by the number of their updates, and their places not compared.
+    """
+    both = min(first.updates, other.updates)
+    scored = first.known[:both] & other.known[:both] & (np.arange(both) >= FIRST_SCORED - 1)
+    apart_m = _apart_m(first, other) if same_drive else np.zeros(0)
+    parted = _parted(first, other) if same_drive else None
+    return ComparisonResult(
+        difference_of((other.error_m[:both] - first.error_m[:both])[scored]),
+        difference_of((other.heading_error_rad[:both] - first.heading_error_rad[:both])[scored]),
+        float(apart_m.mean()) if len(apart_m) else None,
+        float(apart_m.max()) if len(apart_m) else None,
+        None if parted is None else _since(first, parted),
+    )
 
 
-def _difference(first: float | None, other: float | None) -> float | None:
-    return None if first is None or other is None else other - first
+def parting(first: RunTable, other: RunTable, labels: tuple[str, str], say: Say) -> RunEvent | None:
+    """Return the event by which two runs of one drive part, at the update that makes it certain.
+
+    `labels` are the names of both, and `say` writes a length in meters with its unit.
+    """
+    parted = _parted(first, other)
+    if parted is None:
+        return None
+    apart = say(float(_apart_m(first, other)[parted]))
+    what = f"{labels[1]} and {labels[0]} are {apart} apart, since step {_since(first, parted)}"
+    return RunEvent(int(first.steps[parted]), float(first.times_s[parted]), PARTED, what)
+
+
+def _apart_m(first: RunTable, other: RunTable) -> F64:
+    """Return how far apart the estimates of two runs are (U,)."""
+    both = min(first.updates, other.updates)
+    away = other.poses[:both] - first.poses[:both]
+    return np.hypot(away[:, 0], away[:, 1])
+
+
+def _parted(first: RunTable, other: RunTable) -> int | None:
+    """Return the update, counted from 0, at which it is certain that two runs parted."""
+    certain = in_a_row(_apart_m(first, other) > first.radii.confidence_m) == APART_FOR
+    return int(certain.argmax()) if certain.any() else None
+
+
+def _since(first: RunTable, parted: int) -> int:
+    return int(first.steps[parted]) - APART_FOR + 1
 
 
 def difference_of(values: F64) -> ErrorDifference | None:
@@ -220,48 +204,16 @@ class OdometryAlone:
         return sure and self.against.mean > (WORSE_FACTOR - 1) * self.error_mean_m
 
 
-@dataclass(slots=True, eq=False)
-class DeadReckoning:
-    """Moves one pose by the motion model along a drive, and compares its error with a run's."""
-
-    localizer: Localizer
-    start: F64  # (3,) in the map's frame
-    _pose: F32 = field(init=False)  # (1, 3) relative to the library's origin
-    _updates: int = 0
-    _errors_m: list[float] = field(default_factory=list)
-    _against_m: list[float] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._pose = (self.start - [*self.localizer.library.origin, 0.0]).astype(np.float32)[None]
-
-    @classmethod
-    def of(cls, localizer: Localizer | None, start: F64 | None) -> DeadReckoning | None:
-        """Return it for a run whose start and motion model are known; else None."""
-        if localizer is None or localizer.motion is None or start is None:
-            return None
-        return cls(localizer, start)
-
-    def add(self, moment: Moment, record: StepRecord) -> None:
-        """Process the next update of the run."""
-        motion, origin = self.localizer.motion, self.localizer.library.origin
-        assert motion is not None, "see `of`"
-        for movement in moment.frame.motions:
-            self._pose = motion.move(self._pose, origin, movement, np.zeros((1, 3), np.float32))
-        self._updates += 1
-        of_run = score_step(record.estimate, moment.truth).error_m
-        if moment.truth is None or of_run is None or self._updates < FIRST_SCORED:
-            return
-        self._errors_m.append(float(np.hypot(*(self._pose[0, :2] + origin - moment.truth[:2]))))
-        self._against_m.append(of_run - self._errors_m[-1])
-
-    def result(self) -> OdometryAlone | None:
-        """Return the errors so far; None where no truth was known."""
-        against = difference_of(np.array(self._against_m))
-        if against is None:
-            return None
-        sensor = self.localizer.sensor
-        sees = bool(sensor.weights) or any(
-            getattr(pose_sensor, "pictures", ()) for pose_sensor in sensor.sensors.values()
-        )
-        mean_m, final_m = float(np.mean(self._errors_m)), self._errors_m[-1]
-        return OdometryAlone(mean_m, final_m, against, CAMERA if sees else SENSORS)
+def odometry_alone(run: RunTable, localizer: Localizer) -> OdometryAlone | None:
+    """Return how far off odometry alone would have been; None where no start or no truth is known."""
+    scored = run.known & ~np.isnan(run.reckoned[:, 0]) & (np.arange(run.updates) >= FIRST_SCORED - 1)
+    off = (run.reckoned - run.truths[:, :2])[scored]
+    errors_m = np.hypot(off[:, 0], off[:, 1])
+    against = difference_of(run.error_m[scored] - errors_m)
+    if against is None:
+        return None
+    sensor = localizer.sensor
+    sees = bool(sensor.weights) or any(
+        getattr(pose_sensor, "pictures", ()) for pose_sensor in sensor.sensors.values()
+    )
+    return OdometryAlone(float(errors_m.mean()), float(errors_m[-1]), against, CAMERA if sees else SENSORS)

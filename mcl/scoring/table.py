@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..filter.estimate import CIRCLE_M, share_within
-from ..filter.localizer import RESAMPLED
-from ..values.arrays import F64, I32, Bool
+from ..filter.localizer import RESAMPLED, Localizer
+from ..values.arrays import F32, F64, I32, Bool
 from ..values.geometry import compose, wrap_angle
 from ..values.library import USUAL, Radii
 from ..values.records import Estimate, StepRecord
@@ -49,6 +49,7 @@ class RunTable:
     truths: F64  # (U, 3)
     odometry_m: F64  # (U,) driven since the update before, by odometry
     odometry: F64  # (U, 3) by odometry alone, from the first true pose, or from the start
+    reckoned: F64  # (U, 2) places by odometry and motion model alone, from the start of a filter that has one
     kidnapped: Bool  # (U,) whether the log says that the robot was carried away
     poses: F64  # (U, 3) the scored estimates, in the map's frame
     sd_m: F64  # (U, 2) their spread along x and y
@@ -200,12 +201,13 @@ FRAMED = (
 )  # columns that a frame has by their own names
 
 # Axes and types of the columns; of the others: one float.
-SIZES = {"truths": (3,), "odometry": (3,), "poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}
+SIZES = dict.fromkeys(("truths", "odometry", "poses", "mean_poses"), (3,))
+SIZES |= dict.fromkeys(("reckoned", "sd_m", "mean_sd_m"), (2,))
 KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {
     "kidnapped": "bool",
     "bereft": "bool",
 }
-OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "kidnapped")
+OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "reckoned", "kidnapped")
 OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events", "states")
 OF_A_RUN = tuple(column.name for column in fields(RunTable) if column.name not in OTHERS)
 FIRST_ROOM = 64  # updates; doubled as often as it takes
@@ -219,10 +221,12 @@ class TableRows:
     start: F64 | None = None  # (3,) where odometry alone begins, where no truth is known there
     particles: int = 0  # of a run, where nothing changes it
     radii: Radii = USUAL  # of the last update
+    localizer: Localizer | None = None  # by whose motion model odometry alone is moved from the start
     updates: int = 0
     _columns: dict[str, NDArray[Any]] = field(default_factory=dict)  # (room, ...), of a run (room, R, ...)
     _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
     _states: list[str] = field(default_factory=list)  # (U,) of a single run
+    _pose: F32 | None = None  # (1, 3) moved by the motion model, relative to the library's origin
 
     def add(
         self,
@@ -249,7 +253,8 @@ class TableRows:
             "times_s": frame.time_s,
             "truths": UNKNOWN_POSE if moment.truth is None else moment.truth,
             "odometry_m": length_of(frame.motions),
-            "odometry": self._reckoned(frame.motions, moment.truth),
+            "odometry": self._followed(frame.motions, moment.truth),
+            "reckoned": self._reckoned(frame.motions),
             "kidnapped": moment.kidnapped,
         }
         for name, value in drive.items():
@@ -270,7 +275,7 @@ class TableRows:
             more = np.zeros(shape, KINDS.get(name, "float64"))
             self._columns[name] = np.concatenate([self._columns[name], more]) if room else more
 
-    def _reckoned(self, motions: F64, truth: F64 | None) -> F64:
+    def _followed(self, motions: F64, truth: F64 | None) -> F64:
         """Add up the odometry, uncorrected, from the first true pose, or from the start."""
         if not self.updates and truth is not None:
             return truth
@@ -279,6 +284,18 @@ class TableRows:
         for motion in motions:
             pose = compose(pose, motion)
         return pose
+
+    def _reckoned(self, motions: F64) -> F64:
+        """Move a place (2,) by the motion model without its noise, as a filter without sensors does."""
+        localizer = self.localizer
+        if localizer is None or localizer.motion is None or self.start is None:
+            return UNKNOWN_POSE[:2]
+        origin = localizer.library.origin
+        if self._pose is None:
+            self._pose = (self.start - [*origin, 0.0]).astype(np.float32)[None]
+        for motion in motions:
+            self._pose = localizer.motion.move(self._pose, origin, motion, np.zeros((1, 3), np.float32))
+        return self._pose[0, :2] + origin
 
     def put(self, run: int, record: StepRecord) -> None:
         """Keep the numbers of a record."""
@@ -317,26 +334,33 @@ class TableRows:
         for run, resampled in zip(runs.tolist(), columns["resampled"].tolist(), strict=True):
             events[run] = (RESAMPLED,) if resampled else ()
 
-    def table(self, seed: int = 0) -> RunTable:
-        """Return the only run so far."""
-        return self.tables([seed])[0]
+    def table(self, seed: int = 0, last: int | None = None) -> RunTable:
+        """Return the only run so far, or its last rows."""
+        return self.tables([seed], last)[0]
 
-    def tables(self, seeds: Sequence[int]) -> tuple[RunTable, ...]:
-        """Return the runs so far, one by one."""
+    def tables(self, seeds: Sequence[int], last: int | None = None) -> tuple[RunTable, ...]:
+        """Return the runs so far, one by one, or their last rows."""
         self._make_room()  # an empty table has columns, too
-        made = {name: column[: self.updates] for name, column in self._columns.items()}  # rows never change
+        rows = slice(0 if last is None else max(self.updates - last, 0), self.updates)
+        made = {name: column[rows] for name, column in self._columns.items()}  # rows never change
         drive = {name: made[name] for name in OF_THE_DRIVE}
         return tuple(
             RunTable(
                 seed=seed,
                 radii=self.radii,
-                events=tuple(events[run] for events in self._events),
-                states=tuple(self._states),
+                events=tuple(events[run] for events in self._events[rows]),
+                states=tuple(self._states[rows]),
                 **drive,
                 **{name: made[name][:, run] for name in OF_A_RUN},
             )
             for run, seed in enumerate(seeds)
         )
+
+
+def in_a_row(flags: Bool) -> I32:
+    """Return at how many updates in a row, up to each (U,), a flag was set."""
+    updates = np.arange(1, len(flags) + 1, dtype=np.int32)
+    return updates - np.maximum.accumulate(np.where(flags, 0, updates))
 
 
 def length_of(motions: F64) -> float:

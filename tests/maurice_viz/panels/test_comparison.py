@@ -19,7 +19,7 @@ from helpers import viz_fakes as fakes
 from helpers import viz_recordings as read
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step, StepComparison
+from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step
 from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.scoring.modes import picture_gain
 from maurice_mcl.scoring.table import LOST_RAD, TableRows
@@ -43,7 +43,7 @@ from maurice_viz.viewer import sinks
 
 LABELS = ["seed 0", "größe", "c"]
 FEATURES = dict(zip(LABELS, ["color", "blended", "color"], strict=True))
-Seen = list[tuple[Mapping[str, Step], Mapping[str, StepComparison]]]
+Seen = list[Mapping[str, Step]]
 
 
 def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, steps: int = 3) -> Seen:
@@ -64,9 +64,9 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
         observer = SceneObserver(rec, views, scene)
         for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
-            pairs = collector.add_steps(steps_of)
-            observer.see(steps_of, pairs, collector.verdicts)
-            seen.append((steps_of, pairs))
+            collector.add_steps(steps_of)
+            observer.see(steps_of, collector.verdicts)
+            seen.append(steps_of)
         observer.end(collector.results())
     return seen
 
@@ -94,7 +94,7 @@ def test_the_words_of_a_step_have_its_errors_and_name_who_is_closer(usual):
     captions = {
         label: texts_of(path, f"{paths.frame_of(label)}/{AFTER}", "Points2D:labels") for label in LABELS
     }
-    for steps, _ in seen:
+    for steps in seen:
         step, errors = next(iter(steps.values()))[0].frame.step, errors_m(steps)
         assert list(errors.values()) == sorted(errors.values())
         text = texts[-step]
@@ -139,7 +139,7 @@ def test_the_clouds_of_every_phase_are_those_of_the_record(usual, side):
         assert str(view.origin) == paths.frame_of(label)
         assert any(str(part) in (cloud, f"{cloud}/**") for part in view.contents)
         drawn_at = Latest(path, cloud)
-        for steps, _ in seen:
+        for steps in seen:
             moment, record = steps[label]
             moved = scale.screen(record.predicted.world_poses[:, :2])
             order = np.argsort(record.weighted.weights, kind="stable")
@@ -177,7 +177,7 @@ def test_what_each_run_lost_is_counted_anew(usual):
     path, seen = usual
     texts, whys = texts_of(path, paths.TEXT), texts_of(path, paths.WHY)
     resampled = 0
-    for steps, _ in seen:
+    for steps in seen:
         step = next(iter(steps.values()))[0].frame.step
         text = texts[phase_number(step, Phase.RESAMPLE)]
         assert text.startswith(f"#### Step {step}, 4 resample: ")
@@ -207,7 +207,7 @@ def test_what_each_run_lost_is_counted_anew(usual):
 def test_every_phase_names_its_step_and_itself(usual):
     path, seen = usual
     texts = texts_of(path, paths.TEXT)
-    for steps, _ in seen:
+    for steps in seen:
         moment, record = steps[LABELS[0]]
         step = moment.frame.step
         assert texts[-step].startswith(f"#### Step {step}: ")
@@ -225,7 +225,7 @@ def test_a_match_is_where_it_was_taken_with_its_ranks(usual):
     path, seen = usual
     library, scale = fakes.make_library(), scale_for("in", fakes.arena(5, 4))
     texts = texts_of(path, paths.TEXT)
-    for steps, _ in seen:
+    for steps in seen:
         text = texts[phase_number(next(iter(steps.values()))[0].frame.step, Phase.MEASURE)]
         for label, (moment, record) in steps.items():
             best = int(np.argmax(record.sighting.comparison.quality))
@@ -298,7 +298,7 @@ def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
     for label in LABELS:
         rows = [row for row in read.rows(path, paths.cloud_of(label)) if row.step is not None]
         assert len(rows) == len(seen)
-        for row, (steps, _) in zip(rows, seen, strict=True):
+        for row, steps in zip(rows, seen, strict=True):
             cloud = steps[label][1].weighted
             whole = {tuple(xy) for xy in scale.screen(cloud.world_poses[:, :2]).tolist()}
             dots = {tuple(xy) for xy in read.positions(row).astype(np.float32).tolist()}
@@ -401,7 +401,7 @@ def test_names_on_the_small_map_keep_away_from_each_other(usual):
     path, seen = usual
     arena = fakes.arena(5, 4)
     side = long_side(arena, scale_for("in", arena))
-    for steps, _ in seen:
+    for steps in seen:
         step = next(iter(steps.values()))[0].frame.step
         names = [
             read.positions(row)[0]

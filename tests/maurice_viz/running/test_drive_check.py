@@ -21,7 +21,8 @@ from maurice_mcl.config.parameters import ALPHAS, PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
 from maurice_mcl.library.drive_score import MUTED, DrivePicture
 from maurice_mcl.library.left_out import PlaceScore
-from maurice_mcl.scoring.comparison import DeadReckoning
+from maurice_mcl.scoring.comparison import odometry_alone
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.geometry import motion_between, wrap
@@ -172,10 +173,10 @@ def test_few_views_at_few_spots_of_a_real_building_are_never_worse_than_odometry
     start = moments[0].truth
     _, widened, score = suited(scaled, localizer, places.widening, start, pictures)
     assert score.widening > 1
-    reckoning = DeadReckoning.of(widened, start)
+    rows = TableRows(start=start, localizer=widened)
     records = mcl.run(widened, SimpleNamespace(info=session.info, moments=lambda: iter(moments)), start)
     for moment, record in records:
-        reckoning.add(moment, record)
-    alone = reckoning.result()
+        rows.add(moment, record)
+    alone = odometry_alone(rows.table(), widened)
     assert not alone.is_better
     assert alone.against.mean < 0.05  # meters more than odometry alone

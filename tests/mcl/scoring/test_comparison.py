@@ -2,87 +2,90 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from helpers.step_records import at, made
 from maurice_mcl.scoring.comparison import (
     LEAST_VALUES,
     ComparisonResult,
-    RunComparison,
-    Step,
-    StepComparison,
     autocorrelation,
     block_length,
+    compare,
     difference_of,
     mean_interval,
+    parting,
 )
-from maurice_mcl.scoring.events import PARTED
+from maurice_mcl.scoring.events import PARTED, RunEvent
 from maurice_mcl.scoring.metrics import FIRST_SCORED
+from maurice_mcl.scoring.table import RunTable, TableRows
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.records import Estimate
 from maurice_mcl.values.session import Frame, Moment
 
+RECORD = made(at(0.0, 0.0, 1.0))
 TRUTH = np.array([3.0, -2.0, 0.5])  # far from the origin, which is nobody's truth
 
 
-class Record:
-    """All that a pairing looks at."""
-
-    def __init__(self, estimate: Estimate) -> None:
-        self.estimate = estimate
-
-
-def step(number: int, x_m: float, turned: float = 0.0, truth: Any = TRUTH) -> Step:
-    """A step whose estimate is so far from TRUTH along x, and turned."""
-    pose = TRUTH + np.array([x_m, 0.0, turned])
-    frame = Frame(number, 2.0 * number, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "")
-    record: Any = Record(Estimate(pose, (0.1, 0.1), 0.1, 1.0, 1.0, 1.0))
-    return Moment(frame, truth), record
+def table(steps: Iterable[tuple[float, float]], truth: Any = TRUTH) -> RunTable:
+    """A run whose estimates are so far from TRUTH along x, and turned, at step 1, 2, ..."""
+    rows = TableRows()
+    for number, (x_m, turned) in enumerate(steps, 1):
+        estimate = replace(RECORD.estimate, pose=TRUTH + np.array([x_m, 0.0, turned]))
+        frame = Frame(number, 2.0 * number, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "")
+        rows.add(Moment(frame, truth), replace(RECORD, estimate=estimate))
+    return rows.table()
 
 
 def inches(length_m: float) -> str:
     return f"{length_m / INCH_M:.1f} in"
 
 
-def paired(
-    first: list[float], other: list[float], **options: Any
-) -> tuple[list[StepComparison], ComparisonResult]:
-    pairing = RunComparison("color", "edges", inches, **options)
-    seen = [
-        pairing.see(step(number, a), step(number, b))
-        for number, (a, b) in enumerate(zip(first, other, strict=True), start=1)
-    ]
-    return seen, pairing.result()
+def paired(first: list[float], other: list[float]) -> ComparisonResult:
+    return compare(*(table((x_m, 0.0) for x_m in run) for run in (first, other)))
+
+
+def parted(first: list[float], other: list[float]) -> RunEvent | None:
+    """The event by which two runs part."""
+    tables = [table((x_m, 0.0) for x_m in run) for run in (first, other)]
+    return parting(*tables, ("color", "edges"), inches)
 
 
 def test_errors_are_compared_with_their_sign():
-    (seen, *_), _ = paired([0.30], [-0.10])
-    assert seen.position_m == pytest.approx(-0.20)
-    assert seen.apart_m == pytest.approx(0.40)
-    assert seen.heading_rad == 0.0
-    pairing = RunComparison("a", "b", inches)
-    seen = pairing.see(step(1, 0, np.pi - 0.1), step(1, 0, -np.pi + 0.1))
-    assert seen.heading_rad == pytest.approx(0.0)
-    assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
+    result = paired([0.30] * FIRST_SCORED, [-0.10] * FIRST_SCORED)
+    assert result.position.mean == pytest.approx(-0.20)
+    assert result.apart_mean_m == pytest.approx(0.40)
+    assert result.heading.mean == 0.0
+    first, other = table([(0.0, np.pi - 0.1)] * 4), table([(0.0, -np.pi + 0.1)] * 4)
+    assert compare(first, other).heading.mean == pytest.approx(0.0)
+    first, other = table([(0.0, 2 * np.pi + 0.1)] * 4), table([(0.0, -0.4)] * 4)
+    assert compare(first, other).heading.mean == pytest.approx(0.3)
 
 
 def test_runs_part_once_where_they_are_apart_for_two_steps():
     near, far = 11.9 * INCH_M, 12.1 * INCH_M
-    seen, result = paired([0.0] * 8, [near, far, near, near, far, far, near, far])
-    assert result.parted_at == 5
-    events = [one.event for one in seen if one.event is not None]
-    assert [(e.step, e.time_s, e.kind) for e in events] == [(6, 12.0, PARTED)]
-    assert events[0].text == "edges and color are 12.1 in apart, since step 5"
-    seen, result = paired([0.0] * 6, [1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
-    assert result.parted_at == 1
-    assert sum(one.event is not None for one in seen) == 1
-    same, result = paired([0.1, 2.0, 0.3], [0.1, 2.0, 0.3])
-    assert result.parted_at is None
-    assert {one.position_m for one in same} == {0.0}
+    runs = [0.0] * 8, [near, far, near, near, far, far, near, far]
+    assert paired(*runs).parted_at == 5
+    event = parted(*runs)
+    assert (event.step, event.time_s, event.kind) == (6, 12.0, PARTED)
+    assert event.text == "edges and color are 12.1 in apart, since step 5"
+    runs = [0.0] * 6, [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]
+    assert (paired(*runs).parted_at, parted(*runs).step) == (1, 2)
+    assert parted([0.0] * 4, [1.0, 0.0, 1.0, 0.0]) is None
+    same = [0.1, 2.0, 0.3, 0.5], [0.1, 2.0, 0.3, 0.5]
+    assert (paired(*same).parted_at, parted(*same)) == (None, None)
+    assert paired(*same).position.mean == 0.0
+
+
+def test_runs_are_compared_as_far_as_the_shorter_goes():
+    result = paired([0.0] * 9, [0.5] * 6)
+    assert result == paired([0.0] * 6, [0.5] * 9)
+    assert (result.position.updates, result.parted_at) == (3, 1)
 
 
 def noisy(mean: float, seed: int, count: int = 120) -> list[float]:
@@ -97,12 +100,12 @@ def noisy(mean: float, seed: int, count: int = 120) -> list[float]:
 def test_effects_are_found_after_the_first_updates():
     """The interval of a run against its own copy with other noise holds zero; of a worse one it does not."""
     first = noisy(0.1, 0)
-    _, worse = paired(first, noisy(0.2, 1))
-    _, alike = paired(first, noisy(0.1, 1))
+    worse = paired(first, noisy(0.2, 1))
+    alike = paired(first, noisy(0.1, 1))
     assert 0.05 < worse.position.interval[0] < worse.position.mean < worse.position.interval[1] < 0.15
     assert alike.position.interval[0] < 0 < alike.position.interval[1]
     assert worse.position.worse > worse.position.better
-    _, result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
+    result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
     assert result.position.updates == 5 - FIRST_SCORED + 1
     assert result.position.mean == pytest.approx(1.5)
     assert result.position.interval is None
@@ -112,26 +115,21 @@ def test_effects_are_found_after_the_first_updates():
 
 
 def test_without_truth_only_places_are_compared():
-    pairing = RunComparison("a", "b", inches)
-    for number in range(1, 9):
-        seen = pairing.see(step(number, 0.0, truth=None), step(number, 1.0, truth=None))
-        assert (seen.position_m, seen.heading_rad) == (None, None)
-    result = pairing.result()
+    here, there = (table([(x_m, 0.0)] * 8, truth=None) for x_m in (0.0, 1.0))
+    result = compare(here, there)
     assert (result.position, result.heading) == (None, None)
-    assert result.parted_at == 1
-    assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)
+    assert (result.parted_at, result.apart_most_m) == (1, pytest.approx(1.0))
+    none = TableRows().table()
+    assert compare(none, none) == ComparisonResult(None, None, None, None, None)
+    assert parting(none, none, ("a", "b"), inches) is None
 
 
 def test_runs_of_different_drives_are_compared_by_error_alone():
     """Robots at different places are no news."""
-    elsewhere = TRUTH + np.array([50.0, 0.0, 0.0])
-    pairing = RunComparison("a", "b", inches, same_drive=False)
-    for number in range(1, 9):
-        moment, record = step(number, 50.2, truth=elsewhere)
-        seen = pairing.see(step(number, 0.1), (moment, record))
-        assert seen.position_m == pytest.approx(0.1)
-        assert (seen.apart_m, seen.event) == (None, None)
-    assert pairing.result().apart_mean_m is None
+    elsewhere = table([(50.2, 0.0)] * 8, truth=TRUTH + np.array([50.0, 0.0, 0.0]))
+    result = compare(table([(0.1, 0.0)] * 8), elsewhere, same_drive=False)
+    assert result.position.mean == pytest.approx(0.1)
+    assert (result.apart_mean_m, result.apart_most_m, result.parted_at) == (None, None, None)
 
 
 # The interval for a mean: laws, and how often it holds the mean when neighbors are alike.

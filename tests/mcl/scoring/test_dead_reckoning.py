@@ -10,7 +10,8 @@ import pytest
 import maurice_mcl as mcl
 from helpers.filter_world import FilterDrive, make_world
 from maurice_mcl.examples import picture_at
-from maurice_mcl.scoring.comparison import DeadReckoning
+from maurice_mcl.scoring.comparison import odometry_alone
+from maurice_mcl.scoring.table import TableRows
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
@@ -19,10 +20,10 @@ SHARP = {"sensor.widening": 30.0, "sensor.sharpness": 30.0}  # our scales, whate
 
 def _result(localizer, drive):
     localizer = localizer.of_session(drive)
-    reckoning = DeadReckoning.of(localizer, drive.info.start)
+    rows = TableRows(start=drive.info.start, localizer=localizer)
     for moment, record in mcl.run(localizer, drive):
-        reckoning.add(moment, record)
-    return reckoning.result()
+        rows.add(moment, record)
+    return odometry_alone(rows.table(), localizer)
 
 
 @pytest.mark.parametrize("at_m", [(0.0, 0.0), (500_000.0, 4_000_000.0)])
@@ -74,7 +75,8 @@ def test_a_camera_that_misleads_is_told_and_one_that_helps_is_not():
 
 def test_nothing_is_said_without_a_start_or_truth():
     localizer = mcl.make_localizer(mcl.tiny_library(), particles=20)
-    assert DeadReckoning.of(localizer, None) is None
     drive = _circling(localizer.library, lambda pose: pose)
     unknown = FilterDrive(drive.info, tuple(replace(m, truth=None) for m in drive.all_moments))
     assert _result(localizer, unknown) is None
+    nowhere = replace(drive.info, start=None)
+    assert _result(localizer, FilterDrive(nowhere, drive.all_moments)) is None

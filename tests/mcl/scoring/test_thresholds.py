@@ -18,12 +18,13 @@ import pytest
 
 import maurice_mcl as mcl
 from helpers.lost_runs import healthy
+from helpers.run_tables import run_table
 from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.reasons import budget
 from maurice_mcl.reasons.causes import Failure, ObstacleFinder
 from maurice_mcl.reasons.evidence import EvidenceFinder, surprise
 from maurice_mcl.reasons.explanation import where_lost
-from maurice_mcl.reasons.rivals import RivalFinder
+from maurice_mcl.reasons.rivals import with_rivals
 from maurice_mcl.reasons.second_opinion import (
     OPINION,
     OpinionReader,
@@ -420,12 +421,13 @@ def test_a_reason_is_0_05_nats():
 
 @pytest.mark.parametrize(("parted", "named"), [(11, False), (10, True)])
 def test_a_rival_is_elsewhere_at_more_than_half_of_five_steps(parted, named):
-    finder = RivalFinder()
-    for step in range(1, 13):
-        elsewhere = np.array([4.0 if step >= parted else 1.0, 1.0, 0.0])
-        finder.add(step, {"a": np.ones(3), "b": elsewhere}, {"a": 0.1, "b": 0.9})
+    here, there = np.ones((12, 3)), np.ones((12, 3))
+    there[parted - 1 :, 0] = 4.0
+    tables = {"a": run_table(12, poses=here), "b": run_table(12, poses=there, knows=np.full(12, 0.9))}
     doubt = Failure("unknown", 8, Episode(PROBABLY_LOST, 8, 12, noticed=8), truth_known=False)
-    verdicts = finder.explain({"a": RunVerdict(updates=12, failures=(doubt,)), "b": RunVerdict(updates=12)})
+    verdicts = with_rivals(
+        {"a": RunVerdict(updates=12, failures=(doubt,)), "b": RunVerdict(updates=12)}, tables
+    )
     assert ("rival" in verdicts["a"].failures[0].evidence) == named
 
 

@@ -1,0 +1,26 @@
+"""Tables of runs made by hand: the columns that a test asks for, the others as those of a run at rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.scoring.table import KINDS, OF_A_RUN, OF_THE_DRIVE, SIZES, RunTable
+from maurice_mcl.values.library import USUAL
+
+
+def run_table(updates: int, **columns: Any) -> RunTable:
+    """A run whose steps are counted from 1, right at (0, 0, 0), with some columns as they are given."""
+    empty = {
+        name: np.zeros((updates, *SIZES.get(name, ())), KINDS.get(name, "float64"))
+        for name in (*OF_THE_DRIVE, *OF_A_RUN)
+    }
+    steps = np.arange(1, updates + 1, dtype=np.int32)
+    usual = {
+        "steps": steps,
+        "times_s": steps.astype(float),
+        "events": ((),) * updates,
+        "states": ("",) * updates,
+    }
+    return RunTable(**({"seed": 0, "radii": USUAL} | empty | usual | columns))
