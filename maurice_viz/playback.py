@@ -18,8 +18,7 @@ from maurice_mcl.scoring.comparison import ComparisonResult, Step, compare, part
 from maurice_mcl.scoring.events import RunEvent, Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, score_table
-from maurice_mcl.scoring.standing import Standing
-from maurice_mcl.scoring.table import RunTable
+from maurice_mcl.scoring.table import RunTable, Standing
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values import F64, NO_PICTURE, USUAL, Arena, Moment, Radii, StepRecord
 

@@ -24,7 +24,7 @@ from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
 from maurice_loaders.files.writing import cache_root
 from maurice_mcl.reasons.second_opinion import OPINION, OpinionReader, Shares
 from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
-from maurice_mcl.scoring.metrics import LOST_FOR
+from maurice_mcl.scoring.table import LOST_FOR
 from maurice_mcl.values.arrays import F64, Bool
 
 from .lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers

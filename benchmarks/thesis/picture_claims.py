@@ -10,8 +10,8 @@ import polars as pl
 
 from maurice_datasets.trials.statistics import apart
 from maurice_datasets.trials.table import clusters_of
-from maurice_mcl.scoring.metrics import LOST_FOR
 from maurice_mcl.scoring.modes import near_truth
+from maurice_mcl.scoring.table import LOST_FOR
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import thesis
 from maurice_mcl.values.arrays import F64

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_mcl.reasons.causes import CAUSES, Failure, Value
-from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
+from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.table import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values import NAMES, USUAL, Library, Radii
 

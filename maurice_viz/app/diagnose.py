@@ -19,7 +19,7 @@ from maurice_loaders.reading.recording import Recording, checked
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import Failure, title_of
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.episodes import SEARCHING
+from maurice_mcl.scoring.table import SEARCHING
 from maurice_mcl.values import plain
 
 from ..entities import Phase, Place, open_command

@@ -229,7 +229,8 @@ class _Pair:
     def _parting(self) -> RunEvent | None:
         """Return the event if the last updates make certain that both have parted."""
         info, arena = self.point.session.info, self.point.library.arena
-        run, branch = (rows.table(last=APART_FOR) for rows in (self.run_rows, self.branch_rows))
+        first = max(self.run_rows.updates - APART_FOR, 0)
+        run, branch = (rows.table(first=first) for rows in (self.run_rows, self.branch_rows))
         names = (self.point.run.manifest.label, self.label)
         return parting(run, branch, names, scale_for(info.display_units, arena).say)
 

@@ -20,6 +20,7 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring import events as kinds
+from maurice_mcl.scoring import table
 from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_mcl.values import F64, first_word
 
@@ -117,9 +118,9 @@ BEFORE_THE_END = 1  # steps of a run that the viewer may leave out at the right
 ROOM_STEPS = 3  # after a grave event: others there have no marks, their words stand with its own
 MOST_NAMES = 64  # of what begins in the lanes; a denser drive has no room for words
 TONES: Mapping[str, RGB] = {  # of what was noticed in a run; what happened to the robot is pale
-    kinds.GRAVE: STATES[kinds.LOST],
-    kinds.DOUBTFUL: STATES[kinds.WRONG],
-    kinds.GOOD: STATES[kinds.LOCALIZED],
+    kinds.GRAVE: STATES[table.LOST],
+    kinds.DOUBTFUL: STATES[table.WRONG],
+    kinds.GOOD: STATES[table.LOCALIZED],
     kinds.ACTS: FRESH,
 }
 
@@ -341,12 +342,12 @@ class LanesDrawing:
 
     def end(self, failures: Mapping[str, Sequence[Failure]]) -> None:
         """Draw all again: why a run was lost, by the run's label, and words where there is room for them."""
-        lost = [look_of_state(state) for state in (kinds.LOST, kinds.PROBABLY_LOST)]
-        together = look_of_state(kinds.CONVERGED)  # without truth, of a run that is doubted only at the end
+        lost = [look_of_state(state) for state in (table.LOST, table.PROBABLY_LOST)]
+        together = look_of_state(table.CONVERGED)  # without truth, of a run that is doubted only at the end
         for number, run in enumerate(self._runs):
             for failure in failures.get(run.label, ()):
                 first, last = failure.episode.first, failure.episode.last
-                old, cause = [*lost, together], look_of_state(kinds.LOST, failure)
+                old, cause = [*lost, together], look_of_state(table.LOST, failure)
                 self._shared.explain(self._rec, 1 + number, first, last, old, cause)
                 self._own[number].explain(self._rec, 1, first, last, old, cause)
         for lanes in (self._shared, *self._own, *self._closer):

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from maurice_mcl.reasons.causes import Failure
-from maurice_mcl.scoring.events import CONVERGED, KINDS, LOST, OF_LOG, PROBABLY_LOST
+from maurice_mcl.scoring.events import KINDS, OF_LOG
+from maurice_mcl.scoring.table import CONVERGED, LOST, PROBABLY_LOST
 
 from ..panels.events import look_of_state, name_of, word_of
 from ..running.saved_steps import Collected, Track

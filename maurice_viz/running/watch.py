@@ -13,8 +13,7 @@ from pathlib import Path
 
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.scoring.standing import Standing
+from maurice_mcl.scoring.table import SEARCHING, Standing
 from maurice_mcl.values import skipped_before
 
 from ..errors import Listener, OptionError

@@ -7,17 +7,8 @@ from typing import Any
 
 from maurice_mcl.reasons import causes as kinds
 from maurice_mcl.reasons.causes import Failure, Incident
-from maurice_mcl.scoring.events import (
-    CONVERGED,
-    FAILURE,
-    KINDS,
-    LOST,
-    PROBABLY_LOST,
-    SPREAD,
-    WRONG,
-    RunEvent,
-    joined,
-)
+from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent, joined
+from maurice_mcl.scoring.table import CONVERGED, LOST, PROBABLY_LOST, SPREAD, WRONG
 
 from ..style import Scale, capital
 from .explanation import planes_of

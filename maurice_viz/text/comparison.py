@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
-from maurice_mcl.scoring.episodes import SEARCHING
+from maurice_mcl.scoring.table import SEARCHING
 from maurice_mcl.values import Radii
 
 from ..playback import RunResult

@@ -15,8 +15,8 @@ from maurice_mcl.scoring.comparison import (
     ComparisonResult,
     ErrorDifference,
 )
-from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.metrics import LEFT_TRUTH, SEGMENT_RADII, RelativeError
+from maurice_mcl.scoring.table import SEARCHING
 from maurice_mcl.values import INCH_M, Radii, plain, plain_value
 
 from ..playback import RunResult

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from maurice_mcl.reasons.causes import BEFALLING, UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
-from maurice_mcl.scoring.episodes import SEARCHING, Episode
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.table import RIGHT_RAD
+from maurice_mcl.scoring.table import RIGHT_RAD, SEARCHING
 
 from ..style import Scale, capital
 from .causes import say_failure, say_incident, say_rival, steps_text

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
 from ..filter.motion import MotionModel
-from ..scoring.episodes import Episode, EpisodeFinder
+from ..scoring.episodes import Episode
 from ..scoring.lost_signal import KNOWS_ABOVE, evidence_by_channels
-from ..scoring.metrics import StepScore
+from ..scoring.metrics import StepScore, score_step
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER, Laser
@@ -91,8 +91,8 @@ class EvidenceFinder:
     _floor: str = ""  # that the log told last
     _tilt_deg: float | None = None
 
-    def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
-        """Return the evidence of the next update, which `episodes` have seen."""
+    def see(self, moment: Moment, record: StepRecord, knows: float | None) -> UpdateEvidence:
+        """Return the evidence of the next update; `knows` is what the lost signal says of it."""
         before, self._before = self._before, moment
         last_estimate, self._estimate = self._estimate, record.estimate.pose
         if self.localizer is not None and before is None:
@@ -102,7 +102,7 @@ class EvidenceFinder:
                 laser = library.sensors.get(LASER)
                 most_m = laser.parameters.laser_max_range if isinstance(laser, Laser) else -1.0
                 self.scans = ScanFits(library.occupancy, library.poses, has_filter=True, max_range_m=most_m)
-        frame, truth = moment.frame, moment.truth
+        frame, truth, score = moment.frame, moment.truth, score_step(record.estimate, moment.truth)
         floor, self._floor = self._floor, _floor_after(moment.events, self._floor)
         self._tilt_deg = _tilt_after(moment.events, self._tilt_deg)
         comparison = record.sighting.comparison
@@ -120,7 +120,7 @@ class EvidenceFinder:
             broken=broken,
             zero=ALL_ZERO in record.events,
             cloud_left=LEFT_MAP in record.events,
-            score=episodes.score,
+            score=score,
             lost_m=lost_m,
             size=record.weighted.size,
             inside=int((record.sighting.entries >= 0).sum()),
@@ -129,13 +129,13 @@ class EvidenceFinder:
             best=-float(cost.min()) if len(cost) else float("nan"),
             cloud=evidence_by_channels(record),
             gray=mean_level(frame.image),
-            knows=episodes.signal.knows,
+            knows=knows,
             driven_m=driven(motions),
             estimate_m=_apart_m(record.estimate.pose, last_estimate),
             near=None if truth is None else near_truth(record, truth),
             moved_m=None if last is None or truth is None else float(np.hypot(*(truth - last)[:2])),
             began_together=before is None and self.scans is not None and _sd_m(record) < lost_m,
-            later=None if broken else self._later(record, last, truth, episodes.score),
+            later=None if broken else self._later(record, last, truth, score),
         )
         surroundings = self.surroundings
         if truth is None or broken or self.scans is not None or surroundings is None:

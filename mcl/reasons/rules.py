@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ..scoring.episodes import PROBABLY_LOST, Episode
+from ..scoring.episodes import Episode
+from ..scoring.table import PROBABLY_LOST
 from . import drive_rules as drive
 from . import laser_rules as laser
 from . import picture_rules as picture

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ..scoring.episodes import SEARCHING, Episode
+from ..scoring.episodes import Episode
+from ..scoring.table import SEARCHING
 from .causes import Failure, Incident
 from .verdict import Ambiguity, RunVerdict, SureAndWrong
 

@@ -15,11 +15,10 @@ import numpy as np
 from ..filter.estimate import modes
 from ..filter.localizer import LEFT_MAP, Localizer
 from ..scoring.comparison import OdometryAlone, odometry_alone
-from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
+from ..scoring.episodes import Episode, Recent, episodes, standing
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore, score_step
-from ..scoring.standing import Standing, StandingFinder
-from ..scoring.table import RunTable, TableRows
+from ..scoring.table import KIDNAPPED, SEARCHING, RunTable, Standing, TableRows
 from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
@@ -295,13 +294,13 @@ class VerdictBuilder:
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
-    _standing: StandingFinder = field(default_factory=StandingFinder)
-    _rows: TableRows = field(default_factory=TableRows)
+    _recent: Recent = field(init=False)
 
     def __post_init__(self, occupancy: OccupancyMap | None, start: F64 | None) -> None:
         localizer = self.localizer
-        self._rows = TableRows(start=start, localizer=localizer)
-        self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
+        rows = TableRows(start=start, localizer=localizer)
+        unknown = None if localizer is not None else occupancy
+        self._diagnosis, self._recent = DiagnosisBuilder(localizer, unknown, rows=rows), Recent(rows)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None:
             self._incidents = IncidentFinder(levels=levels_of(localizer.library))
@@ -313,41 +312,39 @@ class VerdictBuilder:
         self._ambiguity.see(step, record, moment.truth)
         self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
-        episodes = self._diagnosis.episodes
-        self._standing.see(step, episodes)
-        self._rows.add(moment, record, self.signal.knows, episodes.state, bereft=episodes.is_bereft)
 
     @property
     def signal(self) -> LostSignal:
         """The lost signal of the run, up to now."""
-        return self._diagnosis.episodes.signal
+        return self._diagnosis.signal
 
     @property
     def table(self) -> RunTable:
         """The run as a table, up to now."""
-        return self._rows.table()
+        return self._diagnosis.rows.table()
 
     @property
     def now(self) -> Standing | None:
-        """How the run stands at the last update; costs nothing, other than a verdict."""
-        return self._standing.standing
+        """How the run stands at the last update; costs little, other than a verdict."""
+        return self._recent.standing()
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
-        episodes, failures, run = self._diagnosis.episodes, self._diagnosis.result(), self.table
-        figures = _figures(run, episodes.localized)
-        doubts = tuple((failure.episode.first, failure.episode.last) for failure in failures)
+        failures, run = self._diagnosis.result(), self.table
+        told = episodes(run)
+        figures = _figures(run, told.localized)
+        suspected = tuple((failure.episode.first, failure.episode.last) for failure in failures)
         return replace(
             RunVerdict(**figures),
-            localized=episodes.localized,
-            episodes=episodes.episodes,
+            localized=told.localized,
+            episodes=told.episodes,
             has_laser=self._diagnosis.has_laser,
-            doubts=self._diagnosis.doubts if run.known.any() else doubts,
+            doubts=self._diagnosis.doubts if run.known.any() else suspected,
             in_obstacles=self._obstacles.stays,
             incidents=self._incidents.incidents,
             failures=failures,
             ambiguity=self._ambiguity.ambiguity,
-            now=self.now,
+            now=standing(run),
             odometry_alone=None if self.localizer is None else odometry_alone(run, self.localizer),
         )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..values import F64, Bool, Moment
 from . import metrics
-from .table import RunTable
+from .table import LOCALIZED_OF, LOST_FOR, RunTable
 
 LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
 
@@ -145,8 +145,8 @@ def _failed(
 ) -> int | None:
     """Return the first update, from 0, at which a demand is seen to fail; None where it is met."""
     if kind == KEPT:
-        at = metrics.first_run_of((track.lost & counts).tolist(), metrics.LOST_FOR)
-        return None if at is None else at - metrics.LOST_FOR
+        at = metrics.first_run_of((track.lost & counts).tolist(), LOST_FOR)
+        return None if at is None else at - LOST_FOR
     if kind == ERROR:
         off_m, most_m = np.where(counts, track.error_m, np.nan), demands.max_error_m or 0.0
         if np.nanmean(off_m) <= most_m:
@@ -170,7 +170,7 @@ def _of_judged(
 def is_judged(start: int, starts: Sequence[int], updates: int, limit: int) -> bool:
     """Return whether enough updates follow a start to see that a run was localized by a limit."""
     later = [other for other in starts if other > start]
-    return (later[0] if later else updates) - start >= limit + metrics.LOCALIZED_OF[1] - 1
+    return (later[0] if later else updates) - start >= limit + LOCALIZED_OF[1] - 1
 
 
 def _updates_after(flags: Bool, starts: Sequence[int]) -> list[int | None]:

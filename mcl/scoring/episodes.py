@@ -7,29 +7,33 @@ run that does not know where it is; it ends when the run is localized (again). T
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..values import Moment, StepRecord
-from .lost_signal import LostSignal
-from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
+from ..values import Bool, Moment, StepRecord
+from .lost_signal import KNOWS_ABOVE, LostSignal
+from .metrics import score_step
 from .modes import has_near
-from .table import RunTable, TableRows
-
-KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
-LOCALIZED, WRONG, CONVERGED, SPREAD = "localized", "wrong and confident", "converged", "spread"
-
-STATES: Mapping[str, str] = {
-    LOCALIZED: "converged and correct",
-    SEARCHING: "not converged, or not correct and not converged",
-    WRONG: "converged and not correct: nothing in the cloud warns of it",
-    LOST: "too far off at four steps in a row, and still so",
-    CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
-    SPREAD: "truth not known: less than that",
-    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
-}
+from .table import (
+    KIDNAPPED,
+    LOCALIZED,
+    LOCALIZED_OF,
+    LOST,
+    LOST_FOR,
+    PROBABLY_LOCALIZED,
+    PROBABLY_LOST,
+    SEARCHING,
+    RunTable,
+    Standing,
+    TableRows,
+    endings,
+    in_a_row,
+    knew_at,
+    mostly,
+)
 
 MOST_SHARE = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft
 SURE_STEPS = 10  # steps confident of a wrong place, from which on also a search that ends well has failed
@@ -107,185 +111,265 @@ class Episode:
 
 
 @dataclass(frozen=True, slots=True)
-class _Update:
-    step: int
-    score: StepScore
-    fresh: int
-    bereft: bool
+class Episodes:
+    """When a run was wrong; updates are counted from 0."""
+
+    episodes: tuple[Episode, ...]  # in order
+    is_open: bool  # whether the last of them is going on
+    localized: int | None  # first step at which it was localized; None: never
+    changes: tuple[tuple[int, Episode], ...]  # updates at which it is known to be lost, or localized (again)
+
+
+def episodes(run: RunTable) -> Episodes:
+    """Return when a run was wrong: without truth nothing begins or ends.
+
+    >>> import maurice_mcl as mcl
+    >>> made = mcl.table(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> episodes(made).episodes, episodes(made).localized
+    ((), 1)
+    """
+    marks = _Marks.of(run)
+    wrong, changes, is_open = list[Episode](), list[tuple[int, Episode]](), False
+    for span in _spans(marks):
+        until = run.updates if span.carried is None else int(marks.updates[span.carried])
+        whole = _episode(run, marks, span, until)
+        if span.lost is not None:
+            row = int(marks.updates[span.lost])
+            so_far = replace(span, localized=None, carried=span.lost + 1)
+            changes.append((row, _episode(run, marks, so_far, row + 1)))
+        if span.localized is not None:
+            changes.append((int(marks.updates[span.localized + LOCALIZED_OF[1] - 1]), whole))
+        is_open = span.localized is None and span.carried is None
+        if span.kind != SEARCHING or whole.steps:  # one that was localized at once never searched
+            wrong.append(whole)
+    settled = marks.updates[mostly(run.is_localized[marks.updates])]
+    localized = int(run.steps[settled[0]]) if len(settled) else None
+    return Episodes(tuple(wrong), is_open, localized, tuple(changes))
+
+
+def doubts(run: RunTable) -> tuple[tuple[int, int], ...]:
+    """Return the first and last step of each time that the lost signal doubted a run."""
+    edges = np.flatnonzero(np.diff(run.doubted, prepend=False, append=False)).reshape(-1, 2).tolist()
+    return tuple((int(run.steps[first]), int(run.steps[stop - 1])) for first, stop in edges)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Marks:
+    """What begins and ends episodes; all numbers are of the J judged updates."""
+
+    updates: NDArray[np.intp]  # (J,) their rows in the table
+    off: Bool  # (J,)
+    sure: Bool  # (J,) of a wrong place
+    lost: NDArray[np.intp]  # at which it is too far off for the fourth time in a row, or longer
+    kidnapped: NDArray[np.intp]
+    ends: NDArray[np.intp]  # from which on it is localized
+    search: int | None  # with which it begins: the first with a true pose
+    knew: int | None  # from which on it knew where it was
+
+    @classmethod
+    def of(cls, run: RunTable) -> _Marks:
+        judged = run.judged
+        known, off = run.known[judged], run.is_off[judged]
+        return cls(
+            judged,
+            off,
+            known & run.is_converged[judged] & ~run.is_correct[judged],
+            np.flatnonzero(in_a_row(off) >= LOST_FOR),
+            np.flatnonzero(run.kidnapped[judged]),
+            np.flatnonzero(endings(run)),
+            None if run.knew_before or not known.any() else int(known.argmax()),
+            knew_at(run),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """An episode by numbers of judged updates."""
+
+    kind: str
+    first: int
+    known: int  # at which it is known that it began
+    lost: int | None = None  # at which it is declared lost
+    localized: int | None = None  # from which on it is localized
+    carried: int | None = None  # at which the robot was carried away while it went on
+
+
+def _spans(marks: _Marks) -> Iterator[_Span]:
+    """Yield the episodes of a run, in order."""
+    span = _search(marks)
+    while span is not None:
+        localized = _first(marks.ends, span.first)
+        carried = None if span.kind == SEARCHING else _first(marks.kidnapped, span.known + 1)
+        if carried is not None and (localized is None or carried <= localized):
+            localized = None
+        else:
+            carried = None
+        lost = _first(marks.lost, span.known)
+        if lost is not None and lost >= _stop(marks, localized, carried):
+            lost = None
+        yield replace(span, lost=lost, localized=localized, carried=carried)
+        if carried is not None:
+            span = _Span(KIDNAPPED, carried, carried)
+        else:
+            span = None if localized is None else _begun(marks, localized + LOCALIZED_OF[1] - 1)
+
+
+def _search(marks: _Marks) -> _Span | None:
+    """Return the search that a run begins with, or what follows, if it knew where it was before its end."""
+    begun = None if marks.knew is None else _begun(marks, marks.knew)
+    if marks.search is None:
+        return begun
+    localized = _first(marks.ends, marks.search)
+    if begun is not None and (localized is None or begun.known < localized + LOCALIZED_OF[1]):
+        return begun
+    return _Span(SEARCHING, marks.search, marks.search)
+
+
+def _begun(marks: _Marks, after: int) -> _Span | None:
+    """Return what begins next, after an update at which a run knew where it was: carried away, or lost."""
+    carried, lost = _first(marks.kidnapped, after + 1), _first(marks.lost, after + 1)
+    if carried is not None and (lost is None or carried <= lost):
+        return _Span(KIDNAPPED, carried, carried)
+    return None if lost is None else _Span(LOST, lost - LOST_FOR + 1, lost)
+
+
+def _first(updates: NDArray[np.intp], least: int) -> int | None:
+    """Return the first of some updates, in order, from one on."""
+    place = int(np.searchsorted(updates, least))
+    return int(updates[place]) if place < len(updates) else None
+
+
+def _stop(marks: _Marks, localized: int | None, carried: int | None) -> int:
+    """Return the first judged update after an episode."""
+    ends = [update for update in (localized, carried) if update is not None]
+    return min(ends, default=len(marks.updates))
+
+
+def _episode(run: RunTable, marks: _Marks, span: _Span, until: int) -> Episode:
+    """Return an episode as the updates of the table before `until` tell it."""
+    judged = slice(span.first, _stop(marks, span.localized, span.carried))
+    during, steps = marks.updates[judged], run.steps
+    off = during[marks.off[judged]]
+    noticed = _noticed(run, int(marks.updates[span.first]), int(marks.updates[span.known]), until)
+    last, localized, given = int(steps[until - 1]), None, None
+    first = int(steps[marks.updates[span.first]])
+    if span.localized is not None:
+        localized = int(steps[marks.updates[span.localized]])
+        last = int(steps[during[-1]]) if len(during) else localized
+        noticed = None if noticed is not None and noticed >= localized else noticed
+        told = steps[np.flatnonzero(run.given[: marks.updates[span.localized + LOCALIZED_OF[1] - 1] + 1])]
+        given = int(told[-1]) if len(told) and first < told[-1] <= localized else None
+    return Episode(
+        span.kind,
+        first,
+        last,
+        wrong=int(steps[off[0]]) if len(off) and span.kind != SEARCHING else None,
+        noticed=noticed,
+        lost=None if span.lost is None else int(steps[marks.updates[span.lost]]),
+        localized=localized,
+        given=given,
+        steps=len(during),
+        fresh=int(run.fresh[during].sum()),
+        sure=int(marks.sure[judged].sum()),
+        bereft=int(run.bereft[during].sum()),
+    )
+
+
+def _noticed(run: RunTable, first: int, known: int, until: int) -> int | None:
+    """Return the step at which the doubt began that was there when an episode began, or came first in it."""
+    doubted = np.flatnonzero(run.doubted[first:until]) + first
+    if not len(doubted):
+        return None
+    early = doubted[doubted <= known]
+    sure = np.flatnonzero(~run.doubted[: early[-1] if len(early) else doubted[0]])
+    if not len(sure) and run.before is not None and run.before.state == PROBABLY_LOST:
+        return run.before.since
+    return int(run.steps[sure[-1] + 1 if len(sure) else 0])
+
+
+def standing(run: RunTable) -> Standing | None:
+    """Return how a run stands at its last update; None: not known yet, or nothing can tell.
+
+    By its episodes, or while no truth was seen by the lost signal.
+    """
+    return _by_truth(run) if run.known.any() else _by_signal(run)
+
+
+def _by_truth(run: RunTable) -> Standing:
+    told = episodes(run)
+    if told.is_open:
+        episode = told.episodes[-1]
+        declared = LOST if episode.lost is not None and episode.kind != SEARCHING else episode.kind
+        return Standing(declared, episode.onset)
+    if told.episodes:
+        localized = told.episodes[-1].localized
+    else:
+        localized = run.before.since if run.before is not None and run.knew_before else told.localized
+    assert localized is not None, "what ended was localized"
+    return Standing(LOCALIZED, localized)
+
+
+def _by_signal(run: RunTable) -> Standing | None:
+    told = np.flatnonzero(~np.isnan(run.knows))
+    if not len(told):
+        return run.before
+    rows = slice(int(told[0]), None)
+    steps, doubted, unclear = run.steps[rows], run.doubted[rows], run.places[rows] > 1
+    knows = run.knows[rows] > KNOWS_ABOVE
+    # it doubts no run that knew where it was before the alarm, unless another place is as likely
+    knew = run.before is not None and run.before.state == PROBABLY_LOCALIZED
+    kept = latched(knows, doubted | (unclear & ~knows), begun=knew)
+    states = np.select([doubted, kept], [PROBABLY_LOST, PROBABLY_LOCALIZED], SEARCHING)
+    state = str(states[-1])
+    others = np.flatnonzero(states != state)
+    since = int(steps[others[-1] + 1 if len(others) else 0])
+    if not len(others) and run.before is not None and run.before.state == state:
+        since = run.before.since
+    return Standing(state, since, int(run.places[-1]))
+
+
+def latched(sets: Bool, resets: Bool, *, begun: bool = False) -> Bool:
+    """Return where (U,) something is on: since it was set last, and not reset at that update or since."""
+    updates = np.arange(2, len(sets) + 2)
+    last_set = np.maximum.accumulate(np.where(sets, updates, int(begun)))
+    return last_set > np.maximum.accumulate(np.where(resets, updates, 0))
 
 
 @dataclass(slots=True)
-class EpisodeFinder:
-    """Follows one run update by update; keeps its episodes and six updates in numbers."""
+class Recent:
+    """The last rows of a run that goes on: what comes next needs no others, so that no step costs more."""
 
-    episodes: tuple[Episode, ...] = ()  # in order; the last one can be going on
-    doubts: tuple[tuple[int, int], ...] = ()  # first and last step of each doubt of the lost signal
-    localized: int | None = None  # first step at which it was localized; None: never
-    score: StepScore = field(default=StepScore(None, None, False, None, None))  # of the last update
-    signal: LostSignal = field(default_factory=LostSignal)
-    _step: int = 0  # the last one
-    _recent: tuple[_Update, ...] = ()  # the last six whose truth is known
-    _since: int = 0  # of them, how many a kidnapping does not part from now
-    _off: int = 0  # updates in a row that were too far off
-    _knew: bool = False  # whether it knew where it is: right from the start, or once localized
-    _given: int = 0  # the last step at which somebody gave the localizer a pose
-    _open: bool = False  # whether the last episode is going on
-    _doubts: bool = False  # whether the signal doubted the last update
+    rows: TableRows
+    before: Standing | None = None  # how it stood at the first of them
+    _first: int = 0
 
-    def add(self, moment: Moment, record: StepRecord) -> tuple[Episode, ...]:
-        """Process the next update; return an episode in which the run is now declared lost or localized."""
-        score, truth = score_step(record.estimate, moment.truth), moment.truth
-        self.signal.add(record)
-        reach_m = record.estimate.radii.cluster_m
-        bereft = truth is not None and not score.localized and not has_near(record.weighted, truth, reach_m)
-        return self.see(
-            moment.frame.step,
-            score,
-            kidnapped=moment.kidnapped,
-            given=bool(moment.told("given")),
-            doubted=self.signal.probably_lost,
-            fresh=0 if record.injected is None else int(record.injected.sum()),
-            bereft=bereft,
-        )
+    def table(self) -> RunTable:
+        """Return them."""
+        return self.rows.table(first=self._first, before=self.before)
 
-    def see(
-        self,
-        step: int,
-        score: StepScore,
-        *,
-        kidnapped: bool = False,
-        given: bool = False,
-        doubted: bool = False,
-        fresh: int = 0,
-        bereft: bool = False,
-    ) -> tuple[Episode, ...]:
-        """Process the next update from its score; see `add`."""
-        update = _Update(step, score, fresh, bereft)
-        self._doubt(step, doubted)
-        self._step, self.score, self._given = step, score, step if given else self._given
-        if score.correct is None and not kidnapped:  # without truth nothing begins or ends
-            if self._open:
-                self._change(replace(self.episodes[-1], last=step))
-            return ()
-        self._recent = (*self._recent, update)[-LOCALIZED_OF[1] - 1 :]
-        self._since = 1 if kidnapped else self._since + 1
-        self._off = self._off + 1 if score.lost else 0
-        if not self.episodes and self.localized is None and score.correct is not None:
-            self._knew = score.localized is True
-            self._begin(SEARCHING, (update,))
-        elif kidnapped and self._knew:
-            self._drop_search()
-            self._begin(KIDNAPPED, (update,))
-        elif self._open:
-            self._change(_with(self.episodes[-1], (update,), 1))
-            self._knew |= self._was_right_from_the_start()
-        return self._changed()
+    def standing(self) -> Standing | None:
+        """Return how the run stands at its last update."""
+        run = self.table()
+        now = standing(run)
+        if run.updates and _is_at_rest(run, now):
+            self._first, self.before = self.rows.updates - 1, now
+        return now
 
-    def _was_right_from_the_start(self) -> bool:
-        """Return whether a search began with an estimate that was right, however wide its cloud was.
 
-        As with LOCALIZED, at four of its first five updates: a single one may be chance in a small room.
-        """
-        window = self._recent[-LOCALIZED_OF[1] :]
-        right = first_mostly(np.array([update.score.correct is True for update in window], bool)) == 1
-        return right and window[0].step == self.episodes[-1].first
+def _is_at_rest(run: RunTable, now: Standing | None) -> bool:
+    """Return whether nothing goes on at the last update that earlier ones belong to."""
+    if not run.known.any():
+        return True
+    calm = run.is_localized & ~run.kidnapped & ~run.doubted
+    return now is not None and now.state == LOCALIZED and bool(calm[-LOCALIZED_OF[1] :].all())
 
-    def _doubt(self, step: int, doubted: bool) -> None:
-        if doubted:
-            first = self.doubts[-1][0] if self._doubts else step
-            self.doubts = (*self.doubts[: len(self.doubts) - self._doubts], (first, step))
-        self._doubts = doubted
 
-    def _begin(self, kind: str, updates: tuple[_Update, ...]) -> None:
-        """Begin an episode with some updates, the last of which is now; one that goes on ends before."""
-        first = updates[0].step
-        noticed = self.doubts[-1][0] if self.doubts and self.doubts[-1][1] >= first else None
-        self.episodes = (*self.episodes, _with(Episode(kind, first, first, noticed=noticed), updates, 1))
-        self._open = True
-
-    def _change(self, episode: Episode) -> None:
-        if self._doubts and episode.noticed is None:
-            episode = replace(episode, noticed=self.doubts[-1][0])
-        self.episodes = (*self.episodes[:-1], episode)
-
-    def _changed(self) -> tuple[Episode, ...]:
-        """Return the last episode if the run is declared lost in it, or localized, by the last update."""
-        window = self._recent[-LOCALIZED_OF[1] :]
-        if self.localized is None and _is_localized(window):
-            self.localized = window[0].step
-        was_lost = self._open and self.episodes[-1].lost is not None
-        if self._off >= LOST_FOR and not was_lost:
-            self._declare(self._recent[-LOST_FOR:])
-            return self.episodes[-1:]
-        if self._open and _is_localized(window[-self._since :]):
-            return self._end(window[0].step)
-        return ()
-
-    def _drop_search(self) -> None:
-        """Forget the search of a run that knew where it is from the start."""
-        if self._open and self.episodes[-1].kind == SEARCHING and self._knew:
-            self.episodes, self._open = self.episodes[:-1], False
-
-    def _declare(self, off: tuple[_Update, ...]) -> None:
-        """Declare it lost after these updates, in the episode that is going on or in one that they begin."""
-        self._drop_search()
-        if not self._open:
-            self._begin(LOST, off)
-        self._change(replace(self.episodes[-1], lost=off[-1].step))
-
-    def _end(self, step: int) -> tuple[Episode, ...]:
-        """End the last episode at the step from which on the run is localized, some updates ago."""
-        episode = self.episodes[-1]
-        after = [update for update in self._recent if update.step >= max(step, episode.first)]
-        before = [update.step for update in self._recent if episode.first <= update.step < step]
-        wrong, noticed = (
-            None if at is not None and at >= step else at for at in (episode.wrong, episode.noticed)
-        )
-        episode = replace(
-            _with(episode, after, -1),
-            localized=step,
-            given=self._given if episode.first < self._given <= step else None,
-            last=before[-1] if before else step,
-            wrong=wrong,
-            noticed=noticed,
-        )
-        self._open, self._knew = False, True
-        at_once = episode.kind == SEARCHING and not episode.steps
-        self.episodes = (*self.episodes[:-1], *(() if at_once else (episode,)))
-        return (episode,)
-
-    @property
-    def open_episode(self) -> Episode | None:
-        """The episode that is going on."""
-        return self.episodes[-1] if self._open else None
-
-    @property
-    def is_bereft(self) -> bool:
-        """Whether no particle was near the truth at the last update."""
-        return bool(self._recent) and self._recent[-1].bereft
-
-    @property
-    def doubt_begins(self) -> bool:
-        """Whether the lost signal began to doubt the run at the last update."""
-        return self._doubts and self.doubts[-1][0] == self._step
-
-    @property
-    def state(self) -> str:
-        """The localization status at the last update: a key of STATES."""
-        score = self.score
-        if score.correct is None:
-            doubted = PROBABLY_LOST if self.signal.probably_lost else ""
-            return doubted or (CONVERGED if score.converged else SPREAD)
-        if score.localized:
-            return LOCALIZED
-        if self.is_lost:
-            return LOST
-        return WRONG if score.wrong_and_confident else SEARCHING
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether the run is lost at the last update: too far off at four in a row, and still so."""
-        return self._off >= LOST_FOR and self._open and self.episodes[-1].kind != SEARCHING
+def is_bereft(moment: Moment, record: StepRecord) -> bool:
+    """Return whether no particle is near the truth, of an estimate that is not localized."""
+    truth = moment.truth
+    if truth is None or score_step(record.estimate, truth).localized:
+        return False
+    return not has_near(record.weighted, truth, record.estimate.radii.cluster_m)
 
 
 def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
@@ -296,31 +380,8 @@ def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
     >>> made.updates, bool(made.is_localized[-1]), made.states[-1]
     (6, True, 'localized')
     """
-    rows, finder = TableRows(), EpisodeFinder()
+    rows, signal = TableRows(), LostSignal()
     for moment, record in steps:
-        finder.add(moment, record)
-        rows.add(moment, record, finder.signal.knows, finder.state)
+        signal.add(record)
+        rows.add(moment, record, signal, bereft=is_bereft(moment, record))
     return rows.table()
-
-
-def _is_localized(window: tuple[_Update, ...]) -> bool:
-    """Return whether a run is localized from the first of five updates on: in at least four of them."""
-    return first_mostly(np.array([update.score.localized is True for update in window], bool)) == 1
-
-
-def _with(episode: Episode, updates: Iterable[_Update], sign: int) -> Episode:
-    """Return an episode with some updates counted (`sign` 1), the last of which is its last, or not (-1)."""
-    for update in updates:
-        wrong = episode.wrong
-        if sign > 0 and wrong is None and update.score.lost and episode.kind != SEARCHING:
-            wrong = update.step
-        episode = replace(
-            episode,
-            last=update.step,
-            wrong=wrong,
-            steps=episode.steps + sign,
-            fresh=episode.fresh + sign * update.fresh,
-            sure=episode.sure + sign * (update.score.wrong_and_confident is True),
-            bereft=episode.bereft + sign * update.bereft,
-        )
-    return episode

@@ -17,18 +17,11 @@ from ..values.geometry import INCH_M
 from ..values.records import AVERAGES, LIBRARY, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
-from .episodes import CONVERGED as CONVERGED
-from .episodes import LOCALIZED as LOCALIZED
-from .episodes import LOST as LOST
-from .episodes import PROBABLY_LOST as PROBABLY_LOST
-from .episodes import SEARCHING as SEARCHING
-from .episodes import SPREAD as SPREAD
-from .episodes import STATES as STATES
-from .episodes import WRONG as WRONG
-from .episodes import Episode, EpisodeFinder
+from .episodes import Episode, Recent, episodes
 from .lost_signal import LostSignal
-from .metrics import StepScore
+from .metrics import StepScore, score_step
 from .modes import ModeTracker, TrackedMode
+from .table import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING, TableRows
 
 Say = Callable[[float], str]  # writes a length in meters, with its unit
 
@@ -231,7 +224,8 @@ class EventDetector:
     say: Say = in_meters
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
-    _episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
+    _recent: Recent = field(default_factory=lambda: Recent(TableRows()))
+    _signal: LostSignal = field(default_factory=LostSignal)
     _tracker: ModeTracker = field(default_factory=ModeTracker)
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
@@ -241,7 +235,7 @@ class EventDetector:
     @property
     def knows(self) -> float | None:
         """The probability that the last update's estimate is right, without truth."""
-        return self._episodes.signal.knows
+        return self._signal.knows
 
     def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
         """Process the next update; return its events in the order of KINDS."""
@@ -290,13 +284,16 @@ class EventDetector:
             yield MODE_SWITCH, text
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
-        changes = self._episodes.add(moment, record)
-        signal, score = self._episodes.signal, self._episodes.score
-        if self._episodes.doubt_begins:
-            yield PROBABLY_LOST, _doubts(signal)
-        for episode in changes:
-            yield _say_change(episode, score, self.say)
-        self.state = self._episodes.state
+        self._signal.add(record)
+        self._recent.rows.add(moment, record, self._signal)
+        run, score = self._recent.table(), score_step(record.estimate, moment.truth)
+        self._recent.standing()  # from here on fewer rows are asked
+        self.state = run.states[-1]
+        if run.doubted[-1] and not run.doubted[-2:-1].any():
+            yield PROBABLY_LOST, _doubts(self._signal)
+        for update, episode in episodes(run).changes:
+            if update == run.updates - 1:
+                yield _say_change(episode, score, self.say)
         if moment.truth is None:
             return
         text = self._beyond.see(record, moment.truth, self.say)

@@ -15,11 +15,9 @@ from ..values.geometry import INCH_M, angle_between, motion_between
 from ..values.map import Arena
 from ..values.records import Estimate, StepRecord
 from ..values.session import Moment
-from .table import CONVERGED_SHARE, LOST_RAD, RIGHT_RAD, RunTable, TableRows
+from .table import CONVERGED_SHARE, LOST_FOR, LOST_RAD, RIGHT_RAD, RunTable, TableRows, mostly
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
-LOST_FOR = 4  # updates in a row
-LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
 SEGMENT_RADII = 4.0  # length of a segment of the relative error, in radii of *right*
@@ -174,11 +172,8 @@ def first_run_of(flags: Iterable[bool], length: int) -> int | None:
 
 def first_mostly(localized: Bool) -> int | None:
     """Return the first localized update, from 1, that begins five of which at least four are localized."""
-    (needed, window), flags = LOCALIZED_OF, localized.tolist()
-    for first in range(len(flags) - window + 1):
-        if flags[first] and sum(flags[first : first + window]) >= needed:
-            return first + 1
-    return None
+    begins = mostly(localized)
+    return int(begins.argmax()) + 1 if begins.any() else None
 
 
 def mostly_at_end(correct: list[bool]) -> bool | None:

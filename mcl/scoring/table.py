@@ -5,7 +5,7 @@ Scores, episodes, traces, reports and trials are functions of it. A cloud is not
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from ..values.geometry import compose, wrap_angle
 from ..values.library import USUAL, Radii
 from ..values.records import Estimate, StepRecord
 from ..values.session import Moment
+from .lost_signal import LostSignal
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,6 +28,53 @@ LOST_RAD, RIGHT_RAD = float(np.deg2rad(45)), float(np.deg2rad(30))
 CONVERGED_SHARE = 0.9
 UNKNOWN_POSE: F64 = np.full(3, np.nan)
 POSE, PLANE = ("x_m", "y_m", "heading_rad"), ("x_m", "y_m")
+
+LOST_FOR = 4  # updates in a row
+LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
+
+KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
+LOCALIZED, PROBABLY_LOCALIZED = "localized", "probably localized"
+WRONG, CONVERGED, SPREAD = "wrong and confident", "converged", "spread"
+
+STATES: Mapping[str, str] = {
+    LOCALIZED: "converged and correct",
+    SEARCHING: "not converged, or not correct and not converged",
+    WRONG: "converged and not correct: nothing in the cloud warns of it",
+    LOST: "too far off at four steps in a row, and still so",
+    CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
+    SPREAD: "truth not known: less than that",
+    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
+}
+WORDS = {PROBABLY_LOST: "probably lost", KIDNAPPED: "carried away, as the log says"}
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a run stands; probably so where no truth is known, and the lost signal tells.
+
+    `state` is LOCALIZED, SEARCHING, KIDNAPPED (until it is known how the run takes that), LOST,
+    PROBABLY_LOCALIZED or PROBABLY_LOST.
+    """
+
+    state: str
+    since: int  # step from which on that is so
+    places: int = 1  # that fit what is sensed about as well, the estimate's among them, without truth
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it is lost, or probably so."""
+        return self.state in (LOST, PROBABLY_LOST)
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether it is lost, or was carried away and has not found itself yet."""
+        return self.is_lost or self.state == KIDNAPPED
+
+    @property
+    def words(self) -> str:
+        """The state in words."""
+        words = WORDS.get(self.state, self.state)
+        return words if self.places < 2 else f"{words}, at one of {self.places} places that look alike"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -51,6 +99,7 @@ class RunTable:
     odometry: F64  # (U, 3) by odometry alone, from the first true pose, or from the start
     reckoned: F64  # (U, 2) places by odometry and motion model alone, from the start of a filter that has one
     kidnapped: Bool  # (U,) whether the log says that the robot was carried away
+    given: Bool  # (U,) whether somebody gave the localizer a pose
     poses: F64  # (U, 3) the scored estimates, in the map's frame
     sd_m: F64  # (U, 2) their spread along x and y
     heading_sd_rad: F64  # (U,)
@@ -69,8 +118,10 @@ class RunTable:
     fresh: I32  # (U,) how many of them recovery drew
     bereft: Bool  # (U,) whether no particle was near the truth, and it was not localized
     knows: F64  # (U,) probability that it knows where it is, without truth (`lost_signal`)
+    doubted: Bool  # (U,) whether it is probably lost, without truth
+    places: I32  # (U,) that fit what was sensed about as well, the estimate's among them; 0: not known
     events: tuple[tuple[str, ...], ...]  # (U,) as in `StepRecord.events`
-    states: tuple[str, ...]  # (U,) keys of `episodes.STATES`; "": not followed
+    before: Standing | None = None  # how a run stood at the first row, where these are only its last ones
 
     def __repr__(self) -> str:
         """Return how long it is."""
@@ -125,9 +176,43 @@ class RunTable:
         return (self.error_m > self.radii.lost_m) | (self.heading_error_rad > LOST_RAD)
 
     @property
+    def knew_before(self) -> bool:
+        """Whether it was localized at the first row, where these are only its last ones."""
+        return self.before is not None and self.before.state == LOCALIZED
+
+    @property
+    def judged(self) -> NDArray[np.intp]:
+        """The updates (J,) at which something can begin or end: with a true pose, or a kidnapping."""
+        return np.flatnonzero(self.known | self.kidnapped)
+
+    @property
     def is_localized(self) -> Bool:
         """Converged and correct (U,)."""
         return self.is_converged & self.is_correct
+
+    @property
+    def is_lost(self) -> Bool:
+        """Whether (U,) it is lost: too far off at four updates in a row, and still so, once it knew where."""
+        lost, judged, knew = np.zeros(self.updates, bool), self.judged, knew_at(self)
+        if knew is not None:
+            late = np.arange(len(judged)) >= knew
+            lost[judged] = late & (in_a_row(self.is_off[judged]) >= LOST_FOR)
+        return lost & self.known
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The localization status (U,): keys of STATES."""
+        unknown, converged = ~self.known, self.is_converged
+        holds = (
+            unknown & self.doubted,
+            unknown & converged,
+            unknown,
+            self.is_localized,
+            self.is_lost,
+            converged,
+        )
+        names = (PROBABLY_LOST, CONVERGED, SPREAD, LOCALIZED, LOST, WRONG)
+        return tuple(np.select(holds, names, SEARCHING).tolist())
 
     @property
     def spread_m(self) -> F64:
@@ -174,7 +259,7 @@ class RunTable:
             columns[name] = pl.Series(flags).set(pl.Series(~known), None)
         columns |= {name: getattr(self, name) for name in FRAMED}
         columns |= {f"estimate_sd_{axis}": self.sd_m[:, k] for k, axis in enumerate(PLANE)}
-        columns["state"] = pl.Series([state or None for state in self.states], dtype=pl.String)
+        columns["state"] = pl.Series(self.states, dtype=pl.String)
         columns["events"] = pl.Series([list(events) for events in self.events], dtype=pl.List(pl.String))
         return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
 
@@ -203,12 +288,10 @@ FRAMED = (
 # Axes and types of the columns; of the others: one float.
 SIZES = dict.fromkeys(("truths", "odometry", "poses", "mean_poses"), (3,))
 SIZES |= dict.fromkeys(("reckoned", "sd_m", "mean_sd_m"), (2,))
-KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh"), "int32") | {
-    "kidnapped": "bool",
-    "bereft": "bool",
-}
-OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "reckoned", "kidnapped")
-OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events", "states")
+KINDS = dict.fromkeys(("steps", "weighted", "particles", "parents", "fresh", "places"), "int32")
+KINDS |= dict.fromkeys(("kidnapped", "given", "bereft", "doubted"), "bool")
+OF_THE_DRIVE = ("steps", "times_s", "truths", "odometry_m", "odometry", "reckoned", "kidnapped", "given")
+OTHERS = (*OF_THE_DRIVE, "seed", "radii", "events", "before")
 OF_A_RUN = tuple(column.name for column in fields(RunTable) if column.name not in OTHERS)
 FIRST_ROOM = 64  # updates; doubled as often as it takes
 
@@ -225,24 +308,25 @@ class TableRows:
     updates: int = 0
     _columns: dict[str, NDArray[Any]] = field(default_factory=dict)  # (room, ...), of a run (room, R, ...)
     _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
-    _states: list[str] = field(default_factory=list)  # (U,) of a single run
     _pose: F32 | None = None  # (1, 3) moved by the motion model, relative to the library's origin
 
     def add(
         self,
         moment: Moment,
         record: StepRecord,
-        knows: float | None = None,
-        state: str = "",
+        signal: LostSignal | None = None,
         *,
         bereft: bool = False,
     ) -> None:
-        """Keep the next update of a single run, with what `episodes` and `lost_signal` say of it."""
+        """Keep the next update of a single run, with what the lost signal, which read it, says of it."""
         self.begin(moment)
         self.put(0, record)
-        self._columns["knows"][self.updates - 1] = np.nan if knows is None else knows
-        self._columns["bereft"][self.updates - 1] = bereft
-        self._states[-1] = state
+        row = self.updates - 1
+        self._columns["bereft"][row] = bereft
+        if signal is not None:
+            self._columns["knows"][row] = np.nan if signal.knows is None else signal.knows
+            self._columns["doubted"][row] = signal.probably_lost
+            self._columns["places"][row] = signal.places
 
     def begin(self, moment: Moment) -> None:
         """Make room for an update."""
@@ -256,12 +340,12 @@ class TableRows:
             "odometry": self._followed(frame.motions, moment.truth),
             "reckoned": self._reckoned(frame.motions),
             "kidnapped": moment.kidnapped,
+            "given": bool(moment.told("given")),
         }
         for name, value in drive.items():
             self._columns[name][row] = value
         self._columns["knows"][row] = np.nan
         self._events.append([()] * self.runs)
-        self._states.append("")
         self.updates += 1
 
     def _make_room(self) -> None:
@@ -334,14 +418,16 @@ class TableRows:
         for run, resampled in zip(runs.tolist(), columns["resampled"].tolist(), strict=True):
             events[run] = (RESAMPLED,) if resampled else ()
 
-    def table(self, seed: int = 0, last: int | None = None) -> RunTable:
-        """Return the only run so far, or its last rows."""
-        return self.tables([seed], last)[0]
+    def table(self, seed: int = 0, first: int = 0, before: Standing | None = None) -> RunTable:
+        """Return the only run so far, or its rows from one on, at which it stood in this way."""
+        return self.tables([seed], first, before)[0]
 
-    def tables(self, seeds: Sequence[int], last: int | None = None) -> tuple[RunTable, ...]:
-        """Return the runs so far, one by one, or their last rows."""
+    def tables(
+        self, seeds: Sequence[int], first: int = 0, before: Standing | None = None
+    ) -> tuple[RunTable, ...]:
+        """Return the runs so far, one by one, or their rows from one on."""
         self._make_room()  # an empty table has columns, too
-        rows = slice(0 if last is None else max(self.updates - last, 0), self.updates)
+        rows = slice(first, self.updates)
         made = {name: column[rows] for name, column in self._columns.items()}  # rows never change
         drive = {name: made[name] for name in OF_THE_DRIVE}
         return tuple(
@@ -349,9 +435,8 @@ class TableRows:
                 seed=seed,
                 radii=self.radii,
                 events=tuple(events[run] for events in self._events[rows]),
-                states=tuple(self._states[rows]),
-                **drive,
-                **{name: made[name][:, run] for name in OF_A_RUN},
+                before=before,
+                **(drive | {name: made[name][:, run] for name in OF_A_RUN}),
             )
             for run, seed in enumerate(seeds)
         )
@@ -361,6 +446,44 @@ def in_a_row(flags: Bool) -> I32:
     """Return at how many updates in a row, up to each (U,), a flag was set."""
     updates = np.arange(1, len(flags) + 1, dtype=np.int32)
     return updates - np.maximum.accumulate(np.where(flags, 0, updates))
+
+
+def mostly(flags: Bool) -> Bool:
+    """Return where (n,) five updates begin of which the first and at least four have a flag set."""
+    (needed, window), begins = LOCALIZED_OF, np.zeros(len(flags), bool)
+    total = np.concatenate([[0], np.cumsum(flags)])
+    begins[: max(len(flags) - window + 1, 0)] = total[window:] - total[:-window] >= needed
+    return begins & flags
+
+
+def endings(run: RunTable) -> Bool:
+    """Return from which judged updates (J,) on a run is localized: in four of five, not carried away."""
+    window, kidnapped = LOCALIZED_OF[1], run.kidnapped[run.judged]
+    total, stays = np.concatenate([[0], np.cumsum(kidnapped)]), np.zeros(len(kidnapped), bool)
+    count = max(len(kidnapped) - window + 1, 0)
+    stays[:count] = total[window:] == total[1 : count + 1]
+    return stays & mostly(run.is_localized[run.judged])
+
+
+def knew_at(run: RunTable) -> int | None:
+    """Return from which of the judged updates on a run knew where it was; None: from none.
+
+    Right from the start if it was localized then, or right at four of the first five, however wide its cloud
+    was: a single one may be chance in a small room. Else at the last of the five that first localize it.
+    """
+    judged = run.judged
+    if run.knew_before:
+        return 0
+    known = np.flatnonzero(run.known[judged])
+    if not len(known):
+        return None
+    first, window = int(known[0]), LOCALIZED_OF[1]
+    if run.is_localized[judged[first]]:
+        return first
+    if mostly(run.is_correct[judged[first : first + window]])[0]:
+        return first + window - 1
+    localized = np.flatnonzero(endings(run)[first:])
+    return first + int(localized[0]) + window - 1 if len(localized) else None
 
 
 def length_of(motions: F64) -> float:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from maurice_mcl.reasons.diagnosis import stories_of
 from maurice_mcl.reasons.evidence import Story, Surprise, UpdateEvidence
-from maurice_mcl.scoring.episodes import EpisodeFinder
+from maurice_mcl.scoring.episodes import episodes
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.modes import NearTruth
+
+from .run_tables import scored_table
 
 RIGHT, OFF = StepScore(0.1, 0.0, True, True, False), StepScore(2.0, 0.0, True, False, True)
 HELD, GONE = NearTruth(900, (0.9, 0.95, 0.95), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)
@@ -30,7 +34,9 @@ def healthy(step: int, **changes: Any) -> UpdateEvidence:
 
 def stories(updates: list[UpdateEvidence]) -> list[Story]:
     """Return the failures among these updates."""
-    finder = EpisodeFinder()
-    for update in updates:
-        finder.see(update.step, update.score, kidnapped=update.kidnapped)
-    return stories_of(updates, finder.episodes)
+    run = scored_table(
+        [update.score for update in updates],
+        steps=np.array([update.step for update in updates]),
+        kidnapped=np.array([update.kidnapped for update in updates]),
+    )
+    return stories_of(updates, episodes(run).episodes)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.table import KINDS, OF_A_RUN, OF_THE_DRIVE, SIZES, RunTable
 from maurice_mcl.values.library import USUAL
 
@@ -17,10 +19,12 @@ def run_table(updates: int, **columns: Any) -> RunTable:
         for name in (*OF_THE_DRIVE, *OF_A_RUN)
     }
     steps = np.arange(1, updates + 1, dtype=np.int32)
-    usual = {
-        "steps": steps,
-        "times_s": steps.astype(float),
-        "events": ((),) * updates,
-        "states": ("",) * updates,
-    }
+    usual = {"steps": steps, "times_s": steps.astype(float), "events": ((),) * updates}
     return RunTable(**({"seed": 0, "radii": USUAL} | empty | usual | columns))
+
+
+def scored_table(scores: Sequence[StepScore], **columns: Any) -> RunTable:
+    """A run of which each update has these errors and is as converged; None where the truth is not known."""
+    off = [(score.position_error_m, 0.0, score.heading_error_rad) for score in scores]
+    converged = np.array([float(score.converged) for score in scores])
+    return run_table(len(scores), truths=np.array(off, float).reshape(-1, 3), converged=converged, **columns)

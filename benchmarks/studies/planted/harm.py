@@ -12,8 +12,9 @@ from maurice_datasets.trials.drives import Bench, RenderedSession
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.filter.localizer import LEFT_MAP as LEFT
 from maurice_mcl.reasons.causes import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
-from maurice_mcl.scoring.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
+from maurice_mcl.scoring.metrics import StepScore, first_mostly, first_run_of, score_step
 from maurice_mcl.scoring.modes import near_truth
+from maurice_mcl.scoring.table import LOST_FOR
 from maurice_mcl.sensor.ahead import Compared, compared
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import Comparison, StepRecord

@@ -30,8 +30,7 @@ from maurice_mcl.scoring.demands import (
     judge_run,
     starts_of,
 )
-from maurice_mcl.scoring.metrics import LOCALIZED_OF
-from maurice_mcl.scoring.table import TableRows
+from maurice_mcl.scoring.table import LOCALIZED_OF, TableRows
 from maurice_mcl.values import Library, Moment, plain
 
 from ...errors import Listener, OptionError, progress_of

@@ -14,7 +14,8 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_mcl.reasons.causes import CAUSES, LIGHTING, UNKNOWN, Failure
 from maurice_mcl.scoring.episodes import Episode
-from maurice_mcl.scoring.events import FAILURE, KINDS, STATES, RunEvent
+from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent
+from maurice_mcl.scoring.table import STATES
 from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels import events as draw_events
 from maurice_viz.panels.events import MOST_NAMES, NAMES, NOTHING, SHARED, LanesDrawing, own_path

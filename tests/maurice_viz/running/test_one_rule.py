@@ -17,8 +17,8 @@ import maurice_viz as mv
 from helpers import viz_recordings as recordings
 from helpers.small_room import write_small_room
 from maurice_datasets import simulate, simulation_plan
-from maurice_mcl.scoring.episodes import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING, WRONG
 from maurice_mcl.scoring.events import FAILURE
+from maurice_mcl.scoring.table import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING, WRONG
 from maurice_viz.errors import SILENT
 from maurice_viz.panels.events import SHARED
 from maurice_viz.playback import RunResult

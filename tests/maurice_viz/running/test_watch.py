@@ -7,18 +7,21 @@ import json
 import re
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from helpers.commands import run
 from helpers.live_peers import peer, says
+from helpers.run_tables import scored_table
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.episodes import EpisodeFinder
+from maurice_mcl.scoring.episodes import standing
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.standing import PROBABLY_LOCALIZED, Standing, StandingFinder
+from maurice_mcl.scoring.table import PROBABLY_LOCALIZED, Standing
 from maurice_viz.errors import OptionError
 from maurice_viz.running.watch import KEEPS_UP, MEASURED_STEPS, LossCommand, Watch, WriteRate
 from maurice_viz.text.verdict import now_line
@@ -46,17 +49,15 @@ OFF = replace(RIGHT, error_m=3.0, correct=False, lost=True)
 BLIND = StepScore(None, None, True, None, None)
 
 
-def standings(*scores: StepScore, kidnapped_at: int = 0) -> list[Standing | None]:
-    episodes, finder, found = EpisodeFinder(), StandingFinder(), []
-    for step, score in enumerate(scores, start=1):
-        episodes.see(step, score, kidnapped=step == kidnapped_at)
-        finder.see(step, episodes)
-        found.append(finder.standing)
-    return found
+def standings(scores: Sequence[StepScore], **columns: Any) -> list[Standing | None]:
+    """How a run stands at each of its updates."""
+    so_far = range(1, len(scores) + 1)
+    parts = ({name: column[:end] for name, column in columns.items()} for end in so_far)
+    return [standing(scored_table(scores[:end], **part)) for end, part in zip(so_far, parts, strict=True)]
 
 
 def test_with_truth_a_run_stands_as_its_episodes_tell() -> None:
-    found = standings(*[RIGHT] * 10, *[OFF] * 6, *[RIGHT] * 6, kidnapped_at=11)
+    found = standings([*[RIGHT] * 10, *[OFF] * 6, *[RIGHT] * 6], kidnapped=np.arange(1, 23) == 11)
     assert found[3] == Standing("searching", 1)
     assert found[9] == Standing("localized", 1)
     assert found[10] == Standing("kidnapped", 11)
@@ -67,12 +68,9 @@ def test_with_truth_a_run_stands_as_its_episodes_tell() -> None:
 
 
 def test_without_truth_the_lost_signal_tells() -> None:
-    episodes, finder, found = EpisodeFinder(), StandingFinder(), []
-    for step, knows in enumerate([0.2, 0.2, 0.8, 0.4, 0.8, 0.01, 0.3, 0.9], start=1):
-        episodes.signal._judge(knows, 0.06)
-        episodes.see(step, BLIND, doubted=episodes.signal.probably_lost)
-        finder.see(step, episodes)
-        found.append(finder.standing)
+    probabilities = np.array([0.2, 0.2, 0.8, 0.4, 0.8, 0.01, 0.3, 0.9])
+    doubted = np.isin(np.arange(8), [5, 6])  # below the alarm, until it knows again
+    found = standings([BLIND] * 8, knows=probabilities, doubted=doubted)
     states = ["searching"] * 2 + [PROBABLY_LOCALIZED] * 3 + ["probably-lost"] * 2 + [PROBABLY_LOCALIZED]
     assert [(standing.state, standing.since) for standing in found if standing] == list(
         zip(states, [1, 1, 3, 3, 3, 6, 6, 8], strict=True)

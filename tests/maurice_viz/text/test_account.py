@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from helpers.step_records import at, made, moment
 from maurice_mcl.reasons.tour import tour_of
-from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, SEARCHING
 from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.scoring.table import KIDNAPPED, LOST, SEARCHING
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import Opinion
 from maurice_viz.app.diagnose import RunDiagnosis

@@ -9,8 +9,9 @@ import pytest
 from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, FLAT, LIGHTING, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, decisive_step
 from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
+from maurice_mcl.scoring.table import PROBABLY_LOST
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import TWO_LINES, headline
 

@@ -6,7 +6,8 @@ from helpers import expect_facts
 from maurice_mcl.reasons.causes import CARRIED, DATA, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.table import PROBABLY_LOST
 from maurice_viz.scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words

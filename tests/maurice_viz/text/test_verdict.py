@@ -17,9 +17,9 @@ from maurice_mcl.reasons.causes import (
     InObstacle,
 )
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, SEARCHING, Episode
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.standing import Standing
+from maurice_mcl.scoring.table import PROBABLY_LOST, SEARCHING, Standing
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.causes import say_cause
 from maurice_viz.text.verdict import account, headline

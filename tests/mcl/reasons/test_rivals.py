@@ -9,7 +9,8 @@ from helpers.run_tables import run_table
 from maurice_mcl.reasons.causes import DATA, LIGHTING, UNKNOWN, Failure
 from maurice_mcl.reasons.rivals import with_rivals
 from maurice_mcl.reasons.verdict import RunVerdict
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.table import PROBABLY_LOST
 
 HERE, THERE = np.array([1.0, 1.0, 0.0]), np.array([4.0, 1.0, 0.0])
 UPDATES = 12

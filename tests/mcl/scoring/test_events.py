@@ -17,7 +17,6 @@ from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.scoring.events import (
     KINDS,
     LEAST_SD_M,
-    STATES,
     BeyondSigma,
     Dip,
     EventDetector,
@@ -27,7 +26,7 @@ from maurice_mcl.scoring.events import (
     say_recovery_test,
 )
 from maurice_mcl.scoring.metrics import score_table
-from maurice_mcl.scoring.table import TableRows
+from maurice_mcl.scoring.table import STATES, TableRows
 from maurice_mcl.values.records import AVERAGES, LIBRARY, PICTURE, RecoveryTest
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off

@@ -12,9 +12,10 @@ import pytest
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
 from maurice_mcl.reasons.second_opinion import FRESH_SHARE, OPINION
-from maurice_mcl.scoring.episodes import EpisodeFinder
-from maurice_mcl.scoring.events import PROBABLY_LOST, EventDetector
+from maurice_mcl.scoring.episodes import doubts
+from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.scoring.lost_signal import PROBABLY_LOST_BELOW, WEIGHTS, BeliefNumbers, LostSignal
+from maurice_mcl.scoring.table import PROBABLY_LOST, TableRows
 from maurice_mcl.values.records import LibraryEvidence, Opinion, StepRecord
 
 RIGHT = BeliefNumbers(-2.0, -7.0, -1.0, 1.0, 0.3, 0.3)
@@ -104,15 +105,15 @@ def test_events_say_when_it_is_probably_lost_and_the_state_does_so_without_truth
 
 
 def test_the_summary_of_a_run():
-    signal, finder = LostSignal(), EpisodeFinder()
+    signal, rows = LostSignal(), TableRows()
     assert signal.summary() is None
     for step in range(1, 31):
         one = record(step, -11.0 if 13 <= step < 20 else -2.0)
         signal.add(one)
-        finder.add(moment(one), one)
+        rows.add(moment(one), one, signal)
     found = signal.summary()
     assert found is not None
-    [(first, last)] = finder.doubts
+    [(first, last)] = doubts(rows.table())
     assert 13 <= first <= 17
     assert 19 <= last <= 22
     assert 0.5 < found.share < 1

@@ -42,11 +42,15 @@ REST = {"parents": None, "injected": None, "events": ()}  # of a record
 REST |= dict.fromkeys(("effective_sample_size", "log_evidence", "calibrated_evidence"), 0.0)
 
 
+def _moment(frame, truth, *, kidnapped=False):
+    return SimpleNamespace(frame=frame, truth=truth, kidnapped=kidnapped, told=lambda word: ())
+
+
 def _add(rows, estimate, truth, motions=STILL, step=0):
     """Add an update without a cloud."""
     frame = SimpleNamespace(step=step, time_s=float(step), motions=motions)
     record = SimpleNamespace(estimate=estimate, mean_estimate=estimate, weighted=DOT, belief=DOT, **REST)
-    rows.add(SimpleNamespace(frame=frame, truth=truth, kidnapped=False), record)
+    rows.add(_moment(frame, truth), record)
 
 
 def _score(truths, converged=1.0, motions=STILL):
@@ -263,7 +267,7 @@ def _judged(records, truths=None, arena_m=ARENA_M):
     rows = TableRows()
     for step, (record, truth) in enumerate(zip(records, truths or [HERE] * len(records), strict=True), 1):
         record.frame.step = step
-        rows.add(SimpleNamespace(frame=record.frame, truth=truth, kidnapped=False), record)
+        rows.add(_moment(record.frame, truth), record)
     return {success.preset: success for success in score_table(rows.table(), arena_m).success}
 
 
@@ -324,7 +328,7 @@ def test_success_after_a_kidnapping_counts_from_there_and_not_at_the_old_place()
         record = _record([0.0], 10.0 * (step - 1))
         record.frame.step = step
         truth = HERE + np.array([off_m, 0.0, 0.0])
-        rows.add(SimpleNamespace(frame=record.frame, truth=truth, kidnapped=step == 3), record)
+        rows.add(_moment(record.frame, truth, kidnapped=step == 3), record)
     whole, after = (successes(rows.table(), ARENA_M, since) for since in (0, 2))
     for one in whole:
         assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT_TRUTH, 3)

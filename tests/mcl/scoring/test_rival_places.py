@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made, moment
-from maurice_mcl.scoring.episodes import PROBABLY_LOST, SEARCHING, EpisodeFinder
+from maurice_mcl.scoring.episodes import standing
 from maurice_mcl.scoring.lost_signal import LostSignal
-from maurice_mcl.scoring.standing import PROBABLY_LOCALIZED, StandingFinder
+from maurice_mcl.scoring.table import PROBABLY_LOCALIZED, PROBABLY_LOST, SEARCHING, TableRows
 from maurice_mcl.values.pose_sensor import Sensed
 
 HERE, THERE = (2.0, 1.0), (60.0, 1.0)
@@ -41,35 +41,34 @@ def record(step, place, sensor):
 
 def run(sensor, places):
     """Return what the signal says at each place of a run that stands still or jumps."""
-    signal, episodes, finder = LostSignal(), EpisodeFinder(), StandingFinder()
+    signal, rows = LostSignal(), TableRows()
     for step, place in enumerate(places, 1):
         one = record(step, place, sensor)
         signal.add(one)
-        episodes.add(moment(one), one)
-        finder.see(step, episodes)
-    return signal, finder.standing
+        rows.add(moment(one), one, signal)
+    return signal, standing(rows.table())
 
 
 def test_a_run_that_never_jumped_has_no_rival():
-    signal, standing = run(TwinRooms(), [HERE] * 5)
+    signal, now = run(TwinRooms(), [HERE] * 5)
     assert signal.places == 1
     assert signal.knows > 0.95
-    assert standing.state == PROBABLY_LOCALIZED
-    assert "places" not in standing.words
+    assert now.state == PROBABLY_LOCALIZED
+    assert "places" not in now.words
 
 
 def test_two_places_that_readings_cannot_tell_apart_are_said_to_be_two():
-    signal, standing = run(TwinRooms(), [HERE] * 5 + [THERE] * 5)
+    signal, now = run(TwinRooms(), [HERE] * 5 + [THERE] * 5)
     assert signal.places == 2
     assert signal.knows == pytest.approx(0.5, abs=0.02)
-    assert standing.state == SEARCHING
-    assert standing.words.endswith("at one of 2 places that look alike")
+    assert now.state == SEARCHING
+    assert now.words.endswith("at one of 2 places that look alike")
 
 
 def test_a_place_that_was_left_and_fits_better_makes_an_alarm():
-    signal, standing = run(TwinRooms({THERE: 8.0}), [HERE] * 5 + [THERE] * 5)
+    signal, now = run(TwinRooms({THERE: 8.0}), [HERE] * 5 + [THERE] * 5)
     assert signal.probably_lost
-    assert standing.state == PROBABLY_LOST
+    assert now.state == PROBABLY_LOST
 
 
 def test_a_jump_to_where_the_readings_fit_leaves_no_rival_after_a_few():

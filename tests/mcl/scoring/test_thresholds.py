@@ -39,13 +39,13 @@ from maurice_mcl.reasons.suspicion import scan_doubts
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.batch import compared_once
 from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone, block_length, mean_interval
-from maurice_mcl.scoring.episodes import LOST, PROBABLY_LOST, SEARCHING, Episode, EpisodeFinder
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.scoring.lost_signal import BeliefNumbers, LostSignal, probability_by
 from maurice_mcl.scoring.metrics import StepScore, relative_error, score_table, successes
 from maurice_mcl.scoring.modes import Ancestry, ModeTracker, picture_gain
 from maurice_mcl.scoring.rival_places import RivalPlace, RivalPlaces
-from maurice_mcl.scoring.table import TableRows
+from maurice_mcl.scoring.table import LOST, PROBABLY_LOST, SEARCHING, TableRows
 from maurice_mcl.sensor.laser.fit import ScanFit
 from maurice_mcl.values.map import Region
 from maurice_mcl.values.pose_sensor import Sensed
@@ -542,13 +542,13 @@ def test_pose_sensors_speak_for_an_estimate_with_half_of_their_nats(localizer):
 
 @pytest.mark.parametrize(("moved_m", "repeated"), [(0.009, False), (0.011, True)])
 def test_a_picture_is_repeated_where_the_robot_moved_by_a_centimeter(moved_m, repeated):
-    finder, episodes = EvidenceFinder(), EpisodeFinder()
+    finder = EvidenceFinder()
     for step in (1, 2):
         record = made(at(0, 0, 1), step=step, references=3)
         image = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
         frame = replace(record.frame, image=image, motions=np.array([[moved_m, 0.0, 0.0]]))
         record = replace(record, frame=frame)
-        found = finder.see(moment(record), record, episodes)
+        found = finder.see(moment(record), record, None)
     assert found.repeated == repeated
 
 
