@@ -16,7 +16,8 @@ import numpy as np
 
 from ..filter.localizer import Localizer
 from ..scoring.episodes import Episode
-from ..values import F64, NO_PICTURE, SOLID, Moment, Radii, Region, StepRecord, compose_motions
+from ..scoring.table import RunTable
+from ..values import F64, NO_PICTURE, SOLID, Moment, Radii, StepRecord, compose_motions
 from .surroundings import mean_level
 
 SENSOR, AMBIGUITY = "sensor", "ambiguity"
@@ -310,31 +311,21 @@ class InObstacle:
     last: int
 
 
-@dataclass(slots=True)
-class ObstacleFinder:
-    """Follows the truth of one run; without a localizer, or with one that doubts obstacles, finds nothing."""
-
-    localizer: Localizer | None = None
-    stays: tuple[InObstacle, ...] = ()
-    _obstacles: tuple[Region, ...] = ()
-    _deep_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.localizer is None or self.localizer.obstacles != SOLID:
-            return
-        self._deep_m = DEEP_CELLS * self.localizer.reference.grid.cell_m
-        self._obstacles = self.localizer.library.arena.obstacles
-
-    def see(self, step: int, truth: F64 | None) -> None:
-        """Process the next update."""
-        if truth is None:
-            return
-        inside = (o.name for o in self._obstacles if o.depth_m(truth[None, :2])[0] > self._deep_m)
-        name = next(inside, None)
-        if name is None:
-            return
-        last = self.stays[-1] if self.stays else None
-        if last is not None and last.obstacle == name and last.last == step - 1:
-            self.stays = (*self.stays[:-1], replace(last, last=step))
+def stays_in_obstacles(run: RunTable, localizer: Localizer | None) -> tuple[InObstacle, ...]:
+    """Return when the truth of a run was inside obstacles that its filter knows and does not doubt."""
+    if localizer is None or localizer.obstacles != SOLID:
+        return ()
+    deep_m, places, names = DEEP_CELLS * localizer.reference.grid.cell_m, run.truths[:, :2], dict[int, str]()
+    for obstacle in reversed(localizer.library.arena.obstacles):  # of several the first
+        low, high = obstacle.polygon.min(axis=0), obstacle.polygon.max(axis=0)
+        around = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
+        inside = around[obstacle.depth_m(places[around]) > deep_m]
+        names |= dict.fromkeys(inside.tolist(), obstacle.name)
+    stays = list[InObstacle]()
+    for update, name in sorted(names.items()):
+        step = int(run.steps[update])
+        if stays and (stays[-1].obstacle, stays[-1].last) == (name, step - 1):
+            stays[-1] = replace(stays[-1], last=step)
         else:
-            self.stays = (*self.stays, InObstacle(name, step, step))
+            stays.append(InObstacle(name, step, step))
+    return tuple(stays)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from .causes import (
     Incident,
     IncidentFinder,
     InObstacle,
-    ObstacleFinder,
+    stays_in_obstacles,
 )
 from .diagnosis import DiagnosisBuilder
 from .surroundings import levels_of
@@ -215,28 +216,15 @@ def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
     return min((not verdict.failures, *verdict._moments()[0]) for verdict in verdicts.values())[-1]
 
 
-@dataclass(slots=True)
-class AmbiguityFinder:
-    """Follows one run; keeps the most even of its divided updates."""
-
-    ambiguity: Ambiguity | None = None
-    _now: Ambiguity | None = None  # that is going on
-
-    def see(self, step: int, record: StepRecord, truth: F64 | None) -> None:
-        """Process the next update."""
-        divided = _divided(step, record, truth)
-        if divided is None:
-            self._now = None
-            return
-        now = self._now
-        if now is not None:
-            divided = replace(divided, first=now.first)
-            divided = divided if divided.shares[1] > now.shares[1] else replace(now, last=step)
-        self._now = divided
-        best = self.ambiguity
-        same = best is not None and best.first == divided.first
-        if divided.is_lasting and (best is None or same or divided.shares[1] > best.shares[1]):
-            self.ambiguity = divided
+def most_even(divided: Mapping[int, Ambiguity]) -> Ambiguity | None:
+    """Return the most even of divided updates, by their numbers, of those that are two or more in a row."""
+    rows = groupby(enumerate(divided), key=lambda pair: pair[1] - pair[0])
+    stays = [[divided[update] for _, update in row] for _, row in rows]
+    even = [
+        replace(max(row, key=lambda update: update.shares[1]), first=row[0].step, last=row[-1].step)
+        for row in stays
+    ]
+    return max((one for one in even if one.is_lasting), key=lambda one: one.shares[1], default=None)
 
 
 def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | None:
@@ -291,8 +279,7 @@ class VerdictBuilder:
     occupancy: InitVar[OccupancyMap | None] = None  # that scans of a run without one are laid on
     start: InitVar[F64 | None] = None  # (3,) where the run began, for odometry alone
     _incidents: IncidentFinder = field(default_factory=IncidentFinder)
-    _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
-    _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
+    _divided: dict[int, Ambiguity] = field(default_factory=dict)  # by the numbers of updates
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _recent: Recent = field(init=False)
 
@@ -301,16 +288,15 @@ class VerdictBuilder:
         rows = TableRows(start=start, localizer=localizer)
         unknown = None if localizer is not None else occupancy
         self._diagnosis, self._recent = DiagnosisBuilder(localizer, unknown, rows=rows), Recent(rows)
-        self._obstacles = ObstacleFinder(localizer)
         if localizer is not None:
             self._incidents = IncidentFinder(levels=levels_of(localizer.library))
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
-        step = moment.frame.step
         self._incidents.see(moment, record)
-        self._ambiguity.see(step, record, moment.truth)
-        self._obstacles.see(step, moment.truth)
+        divided = _divided(moment.frame.step, record, moment.truth)
+        if divided is not None:
+            self._divided[self._diagnosis.rows.updates] = divided
         self._diagnosis.add(moment, record)
 
     @property
@@ -340,10 +326,10 @@ class VerdictBuilder:
             episodes=told.episodes,
             has_laser=self._diagnosis.has_laser,
             doubts=self._diagnosis.doubts if run.known.any() else suspected,
-            in_obstacles=self._obstacles.stays,
+            in_obstacles=stays_in_obstacles(run, self.localizer),
             incidents=self._incidents.incidents,
             failures=failures,
-            ambiguity=self._ambiguity.ambiguity,
+            ambiguity=most_even(self._divided),
             now=standing(run),
             odometry_alone=None if self.localizer is None else odometry_alone(run, self.localizer),
         )

@@ -18,7 +18,7 @@ from maurice_mcl.reasons.causes import (
     Incident,
     IncidentFinder,
 )
-from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, VerdictBuilder, most_even
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.values.map import Region
 
@@ -185,6 +185,17 @@ def test_two_places_that_share_the_weight_are_told_until_it_is_localized():
         (pytest.approx(0.55), pytest.approx(0.45)),
         pytest.approx(3, abs=0.05),
     )
+
+
+def test_of_divided_updates_in_a_row_the_most_even_is_told():
+    def divided(**second: float) -> dict[int, Ambiguity]:
+        shares = {int(name[1:]): share for name, share in second.items()}
+        return {k: Ambiguity(k + 1, k + 1, k + 1, (1 - b, b), 3.0, None) for k, b in shares.items()}
+
+    told = most_even(divided(u2=0.3, u3=0.4, u4=0.4, u5=0.3, u7=0.5, u9=0.35, u10=0.35))
+    assert (told.first, told.step, told.last, told.shares[1]) == (3, 4, 6, 0.4)
+    assert most_even(divided(u2=0.3, u4=0.4)) is None
+    assert most_even({}) is None
 
 
 # Numbers, just under and just over.

@@ -21,7 +21,7 @@ from helpers.lost_runs import healthy
 from helpers.run_tables import run_table
 from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.reasons import budget
-from maurice_mcl.reasons.causes import Failure, ObstacleFinder
+from maurice_mcl.reasons.causes import Failure, stays_in_obstacles
 from maurice_mcl.reasons.evidence import EvidenceFinder, surprise
 from maurice_mcl.reasons.explanation import where_lost
 from maurice_mcl.reasons.rivals import with_rivals
@@ -557,9 +557,9 @@ def test_a_truth_is_in_an_obstacle_a_cell_deep(cells):
     library = mcl.tiny_library()
     sofa = Region("sofa", np.array([[0.5, 0.5], [0.9, 0.5], [0.9, 0.9], [0.5, 0.9]]))
     library = replace(library, arena=replace(library.arena, obstacles=(sofa,)))
-    finder = ObstacleFinder(mcl.make_localizer(library, settings={"map.obstacles": "solid"}))
-    finder.see(1, np.array([0.5 + cells / 36, 0.7, 0.0]))
-    assert bool(finder.stays) == (cells > 1)
+    localizer = mcl.make_localizer(library, settings={"map.obstacles": "solid"})
+    run = run_table(1, truths=np.array([[0.5 + cells / 36, 0.7, 0.0]]))
+    assert bool(stays_in_obstacles(run, localizer)) == (cells > 1)
 
 
 # What a library says of a place: references half a meter and 45 degrees apart.
