@@ -11,6 +11,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
+from maurice_loaders.libraries.completed import with_channels
 from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.build import adapted, own_scaled
 from maurice_mcl.config.parameters import Layer, configure
@@ -26,7 +27,7 @@ from maurice_mcl.values import F64, Library, plain, plain_value
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
 from ..running.filters import Filter
-from ..running.open import library_at, open_session, with_channels
+from ..running.open import library_at, open_session
 from ..style import scale_for
 from ..text.library import say_places
 
@@ -153,7 +154,7 @@ def check_library(
         options = reading or Reading()
         recorded = open_session(Path(drive), options, listener)
     configuration = Filter(feature=feature).configuration()
-    opened = with_channels([configuration], opened, listener)
+    opened = with_channels([configuration], opened, listener.progress)
     weights = configuration.parameters.sensor.weights
     missing = [name for name in weights if name not in opened.index]
     if missing:
