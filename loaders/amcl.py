@@ -1,4 +1,4 @@
-"""AMCL's parameters as settings of this filter: Nav2's and ROS 1's names, and those that Beluga adds.
+"""AMCL's parameters as settings of this filter: Nav2's and ROS 1's names, and Beluga's.
 
 docs/laser.md has the table of what is read, and of what this filter does otherwise than AMCL's code.
 """
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.config.parameters import ALPHAS, AMCL, RULES
-from maurice_mcl.sensor.laser.parameters import LaserParameters
+from maurice_mcl.sensor.laser.parameters import AMCLS, LaserParameters
 from maurice_mcl.values import F64
 
 from .errors import FieldError, InputError
@@ -84,17 +84,25 @@ _ROS1_DEFAULTS: Mapping[str, Any] = {
     "z_short": 0.1,
     "z_rand": 0.05,
 }
-_MODELS = ("beam", "likelihood_field", "likelihood_field_prob")
+# Beluga (2.1) has Nav2's defaults, but for this one: it divides by it, whatever the laser's reach
+_BELUGAS_DEFAULTS: Mapping[str, Any] = {"laser_max_range": 100.0}
+_BELUGAS_OFFLINE = [
+    "autostart", "autostart_delay", "execution_policy", "initial_pose_topic",
+    "only_obstacle_boundaries", "point_cloud_topic", "spatial_resolution_y",
+]  # fmt: skip
+_BELUGAS_OWN = {
+    *_BELUGAS_OFFLINE, "model_unknown_space", "spatial_resolution_x", "spatial_resolution_theta",
+}  # fmt: skip
 _DOTTED = "initial_pose."
 _POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
 _OTHERS = ("laser_model_type", "robot_model_type", "initial_pose", "set_initial_pose", *_POSE)
 _OFFLINE = [
-    "always_reset_initial_pose", "base_frame_id", "bond_timeout", "execution_policy",
-    "first_map_only", "first_map_received_callback", "freespace_downsampling", "global_frame_id",
-    "gui_publish_rate", "introspection_mode", "map_topic", "odom_frame_id", "save_pose_rate",
-    "scan_topic", "selective_resampling", "service_introspection_mode", "tf_broadcast",
-    "tf_buffer_duration", "transform_tolerance", "use_map_topic", "use_sim_time", "random_seed",
-    "spatial_resolution_y", "initial_cov_xy", "initial_cov_xa", "initial_cov_ya",
+    *_BELUGAS_OFFLINE, "always_reset_initial_pose", "base_frame_id", "bond_timeout", "first_map_only",
+    "first_map_received_callback", "freespace_downsampling", "global_frame_id", "gui_publish_rate",
+    "introspection_mode", "map_topic", "odom_frame_id", "save_pose_rate", "scan_topic",
+    "selective_resampling", "service_introspection_mode", "tf_broadcast", "tf_buffer_duration",
+    "transform_tolerance", "use_map_topic", "use_sim_time", "random_seed", "initial_cov_xy",
+    "initial_cov_xa", "initial_cov_ya",
 ]  # fmt: skip
 _KNOWN = {*_ALIASES, *_DEFAULTS, *_LASER, *_OTHERS, *_OFFLINE}
 _SHARED = ("laser_min_range", "laser_max_range", "laser_likelihood_max_dist")  # emcl has these, too
@@ -119,6 +127,8 @@ def read_amcl(file: Path, robot: Collection[str] = ()) -> AmclParameters:
     """
     given, several = _parameters(file, robot)
     usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
+    if _belugas(given):
+        usual = _BELUGAS_DEFAULTS
     named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
     try:
         meaning = _meaning(named, given, [several] if several else [])
@@ -197,6 +207,7 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
     def size(name: str) -> float:
         return number(given.get(name, _DEFAULTS[name]), name)
 
+    belugas = _belugas(written)
     slow, fast = size("recovery_alpha_slow"), size("recovery_alpha_fast")
     most = int(max(size("max_particles"), size("min_particles")))  # as AMCL repairs it
     side_rad = size("spatial_resolution_theta")
@@ -204,7 +215,7 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
         raise FieldError(f"spatial_resolution_theta: found {side_rad:g}, expected a number above 0")
     settings: dict[str, Any] = {
         **AMCL,
-        "sensor.laser.model": _model(given),
+        "sensor.laser.model": f"beluga_{_model(given)}" if belugas else _model(given),
         **{f"sensor.laser.{name}": given[name] for name in _LASER if name in given},
         "particles": most,
         "motion": _motion(given, size, "odom_model_type" in written),
@@ -230,6 +241,9 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
     elif (pose := given["initial_pose"]).keys() & {"covariance_x", "covariance_yaw"}:  # Beluga's has one
         for name, key in (("covariance_x", "start.sd_m"), ("covariance_yaw", "start.heading_sd_rad")):
             settings[key] = math.sqrt(max(number(pose.get(name, 0.0), f"initial_pose.{name}"), 0.0))
+    if belugas:
+        names = ", ".join(belugas[:3])
+        remarks.append(f"Beluga's models, as {names} {'is' if len(belugas) == 1 else 'are'} Beluga's own")
     if written.repeated:
         remarks.append(
             f"given twice, of which the last counts: {', '.join(map(show, written.repeated[:10]))}"
@@ -238,7 +252,7 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
         remarks.append(f"AMCL's parameters that mean nothing in a replay: {', '.join(offline)}")
     if unknown := [show(name) for name in written if name not in _KNOWN]:
         remarks.append(f"parameters that are not AMCL's, left out: {', '.join(unknown[:10])}")
-    mixed = _FIELD_WEIGHTS if settings["sensor.laser.model"] != "beam" else _BEAM_WEIGHTS
+    mixed = _FIELD_WEIGHTS if _model(given) != "beam" else _BEAM_WEIGHTS
     total = sum(float(RULES[f"sensor.laser.{name}"](name, given.get(name, _LASER[name]))) for name in mixed)
     if abs(total - 1) > WEIGHTS_OFF:
         remarks.append(
@@ -256,9 +270,17 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
 
 def _model(given: Mapping[str, Any]) -> str:
     model = given.get("laser_model_type", "likelihood_field")
-    if model not in _MODELS:
-        raise FieldError(f"found laser_model_type {show(model)}, expected one of {', '.join(_MODELS)}")
+    if model not in AMCLS:
+        raise FieldError(f"found laser_model_type {show(model)}, expected one of {', '.join(sorted(AMCLS))}")
     return str(model)
+
+
+def _belugas(written: Mapping[str, Any]) -> list[str]:
+    """Return the names in a file that only Beluga has."""
+    pose = written.get("initial_pose")
+    parts = pose if isinstance(pose, Mapping) else ()
+    own = [name for name in written if name in _BELUGAS_OWN]
+    return own + [f"initial_pose.{part}" for part in parts if str(part).startswith("covariance")]
 
 
 def _motion(given: Mapping[str, Any], size: Callable[[str], float], is_ros1: bool) -> dict[str, Any]:

@@ -193,7 +193,8 @@ def test_belugas_initial_pose_has_a_spread_and_may_be_dotted(dotted, tmp_path):
     np.testing.assert_allclose(read.start, [1.5, -2.0, 0.25])
     assert read.settings["start.sd_m"] == pytest.approx(0.4)
     assert read.settings["start.heading_sd_rad"] == pytest.approx(0.2)
-    assert not any("initial_pose" in text for text in read.remarks)
+    (remark,) = read.remarks
+    assert "Beluga's models" in remark  # and not that it is not known
 
 
 def test_nav2s_initial_pose_has_no_spread_and_one_from_elsewhere_has_rvizs(tmp_path):
@@ -207,6 +208,20 @@ def test_nav2s_initial_pose_has_no_spread_and_one_from_elsewhere_has_rvizs(tmp_p
     assert read_amcl(_file(tmp_path, unset)).start is None
     spread = _filter(tmp_path, unset).start
     assert (spread.sd_m, spread.heading_sd_rad) == pytest.approx((0.5, np.pi / 12))
+
+
+@pytest.mark.parametrize(
+    "own", ["spatial_resolution_x: 0.5", "model_unknown_space: true", "execution_policy: seq"]
+)
+def test_a_file_with_names_that_only_beluga_has_runs_belugas_models(own, tmp_path):
+    text = _nav2(laser_model_type="beam", z_rand=0.05, z_hit=0.9) + f"    {own}\n"
+    laser, read = _filter(tmp_path, text).sensor.laser, read_amcl(_file(tmp_path, text))
+    assert (laser.model, laser.laser_max_range) == ("beluga_beam", 100.0)
+    assert laser.model_unknown_space == (own == "model_unknown_space: true")
+    assert any(own.split(":")[0] in remark and "Beluga's models" in remark for remark in read.remarks)
+    assert not any("expected 1" in remark for remark in read.remarks)  # of the weights of `beam`
+    amcls = _filter(tmp_path, text.replace(own, "")).sensor.laser
+    assert (amcls.model, amcls.laser_max_range) == ("beam", -1.0)
 
 
 def test_belugas_bins(tmp_path):

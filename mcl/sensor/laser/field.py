@@ -58,6 +58,11 @@ class Distances:
         meters = np.sqrt(np.arange(most + 1, dtype=np.float32)) * np.float32(cell_m)
         return cls(numbers, np.minimum(meters, np.float32(most_m)))
 
+    def apart_from(self, cells: Bool) -> Distances:
+        """Return the same with a number of their own, the last one, for some cells (H, W)."""
+        numbers = np.where(cells, np.uint32(len(self.meters)), self.numbers)
+        return Distances(numbers, np.append(self.meters, self.meters[-1]))
+
 
 Worth: TypeAlias = tuple[Distances, NDArray[Any]]  # of each of the distances (D,)
 

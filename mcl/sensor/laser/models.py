@@ -88,27 +88,31 @@ class LaserMap:
 
     def field(self, model: str, sd_m: float, max_m: float = 0.0) -> Field:
         """Return the field of a model for errors of `sd_m`, and AMCL's for a laser that reaches `max_m`."""
-        key = (model, sd_m, max_m)
+        return self.kept((model, sd_m, max_m), lambda: self._field(model, sd_m, max_m))
+
+    def kept(self, key: tuple[str, float, float], make: Callable[[], Field]) -> Field:
+        """Return a field that is kept by a name, a standard deviation and a reach, made where it is not."""
         if (known := self.fields.get(key)) is not None:
             return known
         if len(self.fields) >= MOST_FIELDS:
             del self.fields[next(iter(self.fields))]  # the one that was made first
+        self.fields[key] = make()
+        return self.fields[key]
+
+    def _field(self, model: str, sd_m: float, max_m: float) -> Field:
         outside = self.parameters.laser_likelihood_max_dist
         if model == "calibrated":
-            made = Field.of(worth_of(self.walls, self.edges, sd_m), UNKNOWN_NATS, self.occupancy)
-        elif model == "lasting":
+            return Field.of(worth_of(self.walls, self.edges, sd_m), UNKNOWN_NATS, self.occupancy)
+        if model == "lasting":
             lasting = worth_of(self.walls, self.edges, sd_m, LASTING_OUTLIER)
-            made = Field.of(lasting, UNKNOWN_NATS, self.occupancy)
-        else:
-            value_of = _cubed if model == "likelihood_field" else np.log
-            worth = self.walls, value_of(self.pz(self.walls.meters, sd_m, max_m))
-            made = Field.of([worth], float(value_of(self.pz(outside, sd_m, max_m))), self.occupancy)
-        self.fields[key] = made
-        return made
+            return Field.of(lasting, UNKNOWN_NATS, self.occupancy)
+        value_of = cubed if model == "likelihood_field" else np.log
+        worth = self.walls, value_of(self.pz(self.walls.meters, sd_m, max_m))
+        return Field.of([worth], float(value_of(self.pz(outside, sd_m, max_m))), self.occupancy)
 
     def pz(self, distance_m: Any, sd_m: float, max_m: float) -> Any:
         """Return AMCL's likelihood of a beam that ends at a distance from the nearest occupied cell."""
-        return self.parameters.z_hit * _near(distance_m, sd_m) + self.parameters.z_rand / max_m
+        return self.parameters.z_hit * near_to(distance_m, sd_m) + self.parameters.z_rand / max_m
 
 
 @lru_cache(maxsize=4)
@@ -123,13 +127,13 @@ def worth_of(walls: Distances, edges: Distances, sd_m: float, outlier: float = O
     A beam that ends in a free cell beside unknown ones may be a wall's that was seen only from far away.
     """
     unknown = (math.exp(UNKNOWN_NATS) - outlier) / (1 - outlier)  # a cell as near to unknown ones
-    near = (walls, _near(walls.meters, sd_m)), (edges, unknown * _near(edges.meters, sd_m))
+    near = (walls, near_to(walls.meters, sd_m)), (edges, unknown * near_to(edges.meters, sd_m))
     return [(apart, np.log(like * (1 - outlier) + outlier)) for apart, like in near]
 
 
 def calibrated(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return nats (N,) that are worth what they say; unknown space is neutral."""
-    lookup = map_.field("calibrated", _widened(SIGMA_M, spread_m))
+    lookup = map_.field("calibrated", widened(SIGMA_M, spread_m))
     return lookup.sums(reading.ends, poses, origin) * _share(reading)
 
 
@@ -195,9 +199,9 @@ def nats_of_beams(map_: LaserMap, reading: LaserReading, ends: F64) -> F32:
 
 def likelihood_field(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return AMCL's: the log of 1 + the sum of pz^3, relative to the best that there could be."""
-    wide = _widened(map_.parameters.sigma_hit, spread_m), reading.max_m
+    wide = widened(map_.parameters.sigma_hit, spread_m), reading.max_m
     total = map_.field("likelihood_field", *wide).sums(reading.ends, poses, origin)
-    return np.log1p(total) - np.float32(np.log1p(reading.hits.sum() * _cubed(map_.pz(0.0, *wide))))
+    return np.log1p(total) - np.float32(np.log1p(reading.hits.sum() * cubed(map_.pz(0.0, *wide))))
 
 
 def likelihood_field_prob(
@@ -205,7 +209,7 @@ def likelihood_field_prob(
 ) -> F32:
     """Return AMCL's sum of log pz, without beams that few of a converged cloud's particles agree with."""
     p, ends = map_.parameters, reading.ends
-    wide = _widened(p.sigma_hit, spread_m), reading.max_m
+    wide = widened(p.sigma_hit, spread_m), reading.max_m
     lookup, best = map_.field("likelihood_field_prob", *wide), np.log(map_.pz(0.0, *wide))
     if not (p.do_beamskip and (np.abs(poses - poses.mean(axis=0))[:, :2] <= CONVERGED_M).all()):
         return lookup.sums(ends, poses, origin) - np.float32(len(ends) * best)
@@ -226,9 +230,9 @@ def beam(map_: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_
     beyond = measured - map_.rays.cast(lasers, reading.angles_rad - mount_rad, reading.max_m)
     short = np.asarray(p.z_short * p.lambda_short * np.exp(-p.lambda_short * measured), np.float32)
     rest = np.where(reading.hits, p.z_rand / reading.max_m, p.z_max).astype(np.float32)
-    near = _near(beyond, _widened(p.sigma_hit, spread_m))
-    total = _cubed(np.float32(p.z_hit) * near + rest + short * (beyond < 0)).sum(axis=1)
-    return np.asarray(np.log1p(total) - np.log1p(_cubed(p.z_hit + rest + short).sum()), np.float32)
+    near = near_to(beyond, widened(p.sigma_hit, spread_m))
+    total = cubed(np.float32(p.z_hit) * near + rest + short * (beyond < 0)).sum(axis=1)
+    return np.asarray(np.log1p(total) - np.log1p(cubed(p.z_hit + rest + short).sum()), np.float32)
 
 
 Model = Callable[[LaserMap, LaserReading, F32, F64, float], F32]
@@ -244,15 +248,17 @@ def _share(reading: LaserReading) -> np.float32:
     return np.float32(min(1.0, INDEPENDENT_BEAMS / reading.hits.sum()))
 
 
-def _widened(sd_m: float, spread_m: float) -> float:
+def widened(sd_m: float, spread_m: float) -> float:
     """Add a spread to a standard deviation, rounded to half octaves: each width has a field of its own."""
     octaves = math.log2(math.hypot(sd_m, spread_m) / sd_m)
     return sd_m * 2 ** (round(2 * octaves) / 2)
 
 
-def _near(off_m: Any, sd_m: float) -> Any:
+def near_to(off_m: Any, sd_m: float) -> Any:
+    """Return a normal distribution, 1 in its middle."""
     return np.exp(off_m * off_m * (-0.5 / sd_m**2))
 
 
-def _cubed(values: Any) -> Any:
+def cubed(values: Any) -> Any:
+    """Return third powers."""
     return values * values * values

@@ -1,4 +1,4 @@
-"""Settings of a laser: which model, and AMCL's constants with Nav2's defaults."""
+"""Settings of a laser: which model, and AMCL's and Beluga's constants with Nav2's defaults."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import Annotated
 
 from ...values import SHARE, choice, number, truth, whole
 
-MODELS = ("calibrated", "likelihood_field", "likelihood_field_prob", "beam")
+AMCLS = ("likelihood_field", "likelihood_field_prob", "beam")
+BELUGAS = tuple(f"beluga_{name}" for name in AMCLS)
+MODELS = ("calibrated", *AMCLS, *BELUGAS)
 
 
 @dataclass(frozen=True, slots=True)
 class LaserParameters:
-    """The model of a laser. "calibrated" is ours and takes its constants from `field`; the others are AMCL's.
+    """The model of a laser. "calibrated" is ours; the others are AMCL's, and Beluga's where they say so.
 
-    Of the constants, "calibrated" heeds `max_beams` and the two ranges.
+    Of the constants, "calibrated" heeds `max_beams` and the two ranges; it has its own in `models`.
     """
 
     model: Annotated[str, choice(*MODELS)] = "calibrated"
@@ -28,6 +30,7 @@ class LaserParameters:
     laser_likelihood_max_dist: Annotated[float, number(0.01, 1000)] = (
         2.0  # meters; farther counts as this far
     )
+    model_unknown_space: Annotated[bool, truth] = False  # Beluga's fields only: any range is as likely there
     do_beamskip: Annotated[bool, truth] = False  # "likelihood_field_prob" only, as all that follow
     beam_skip_distance: Annotated[float, number(0, 1000)] = 0.5  # meters; a nearer beam agrees with the map
     beam_skip_threshold: Annotated[float, SHARE] = 0.3  # share of particles with which a beam must agree

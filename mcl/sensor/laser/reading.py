@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...values import F32, F64, I32, Bool, LaserScan
-from .parameters import LaserParameters
+from .parameters import BELUGAS, LaserParameters
 
 LEAST_HITS = 8  # fewer beams that hit something do not tell where the robot is
 
@@ -34,13 +34,15 @@ class LaserReading:
 def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | None:
     """Choose beams as the model does; None where fewer than `LEAST_HITS` hit something.
 
-    As in AMCL, a range below the least one counts as nothing hit.
+    As in AMCL, a range below the least one counts as nothing hit. For Beluga one at a limit is a hit, too.
     """
     least = max(scan.min_m, parameters.laser_min_range)
     most = min(scan.max_m, parameters.laser_max_range) if parameters.laser_max_range > 0 else scan.max_m
     ranges = scan.ranges_m
     with np.errstate(invalid="ignore"):
         hits = (ranges > least) & (ranges < most)
+        if parameters.model in BELUGAS:
+            hits |= (ranges == np.float32(least)) | (ranges == np.float32(most))
     beams = _chosen(hits, parameters)
     beams = beams[~np.isnan(ranges[beams])].astype(np.int32)
     hit = hits[beams]
@@ -62,12 +64,15 @@ def _median(values: F32) -> float:
 
 
 def _chosen(hits: Bool, parameters: LaserParameters) -> I32:
-    """Return numbers of beams: AMCL's every n-th, ours evenly among those that hit something."""
+    """Return numbers of beams: AMCL's every n-th, Beluga's evenly, ours so among those that hit something."""
     size, wanted = len(hits), parameters.max_beams
     if parameters.model == "calibrated":
         answered = np.flatnonzero(hits)
         count = min(wanted, len(answered))
         return answered[(2 * np.arange(count) + 1) * len(answered) // max(2 * count, 1)].astype(np.int32)
+    if parameters.model in BELUGAS:
+        count = min(wanted, size)
+        return (-(-np.arange(count) * (size - 1) // max(count - 1, 1))).astype(np.int32)
     rounded_up = parameters.model == "likelihood_field_prob"
     step = -(-size // wanted) if rounded_up else (size - 1) // (wanted - 1)
     return np.arange(0, size, max(step, 1), dtype=np.int32)

@@ -26,6 +26,7 @@ from ...values import (
     compose,
 )
 from .beams import BeamJudgment, judge, shown
+from .beluga import BELUGAS_MODELS
 from .field import MOST_CELLS
 from .history import BELIEVED, agreeing
 from .matching import Matcher
@@ -33,6 +34,7 @@ from .models import (
     MODELS,
     SCAN_OUTLIER_NATS,
     LaserMap,
+    Model,
     calibrated,
     explained,
     fitting,
@@ -43,6 +45,7 @@ from .odometry import movement_by_scans
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
+BY_NAME: Mapping[str, Model] = {**MODELS, **BELUGAS_MODELS}
 NOTED_SHARE = 0.08  # of the beams against a pose: with as many, poses around it are tried, too
 # Offsets (A, 3) around an estimate, less than 0.32 m and 5 degrees: while a scan is full of people nothing
 # corrects the cloud, which drifts a few decimeters, and is not lost for that.
@@ -88,7 +91,7 @@ class Laser:
         """Return the nats (N,) of poses (N, 3): at most 0, where every beam ends at what the map has."""
         # of the ends of beams
         spread_m = math.hypot(spread.position_m, spread.heading_rad * reading.range_m)
-        nats = MODELS[self.parameters.model](self._map, reading, poses, origin, spread_m)
+        nats = BY_NAME[self.parameters.model](self._map, reading, poses, origin, spread_m)
         return np.minimum(nats, np.float32(0))
 
     def propose(self, reading: LaserReading) -> PoseProposal | None:
