@@ -31,7 +31,7 @@ from maurice_loaders.reading.recording import PLACEHOLDER, Picture, Recording
 from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
-from maurice_mcl.library.occupancy_building import build_occupancy
+from maurice_mcl.library.occupancy_building import CELL_M, build_occupancy
 from maurice_mcl.values import F64, LaserScan, OccupancyMap, Plain, Session
 
 from ..errors import SILENT, Listener, OptionError
@@ -134,6 +134,9 @@ def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Conv
     return done
 
 
+LEAST_CELL_M, MOST_CELL_M = 0.01, 1.0  # of a map that is built
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltMap:
     """A map as it was built and written."""
@@ -157,6 +160,7 @@ def build_map(
     to: str | Path,
     *,
     until: float = 1.0,
+    cell_m: float = CELL_M,
     reading: Reading | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -164,10 +168,11 @@ def build_map(
     """Build a map from a recording's scans with true poses, and write it as `map.yaml` with its picture.
 
     `to` is a folder, or a name that ends in .yaml. Only the first share `until` of the scans is used, so that
-    a filter can be tried on what the map was not made from.
+    a filter can be tried on what the map was not made from. A side of `cell_m` other than 5 cm makes a large
+    map of fewer cells, or a small one finer.
 
-    Raises OptionError for a share that is none, and InputError for a recording without scans or true poses,
-    or a file that exists (unless `force`).
+    Raises OptionError for a share or cell that is none, and InputError for a recording without scans or true
+    poses, or a file that exists (unless `force`).
 
         >>> import numpy as np, maurice_loaders as ml, maurice_viz as mv
         >>> from maurice_mcl.values.laser import LaserScan
@@ -182,6 +187,8 @@ def build_map(
     path, file, options = Path(recording), Path(to), reading or Reading()
     if not 0 < until <= 1:
         raise OptionError(f"--until is a share above 0, at most 1, found {until:g}")
+    if not LEAST_CELL_M <= cell_m <= MOST_CELL_M:
+        raise OptionError(f"--cell is a side of {LEAST_CELL_M:g} to {MOST_CELL_M:g} m, found {cell_m:g}")
     file = file if file.suffix == ".yaml" else file / "map.yaml"
     for target in (file, file.with_suffix(".pgm")):
         expect_absent(target, force=force)
@@ -200,7 +207,7 @@ def build_map(
                 yield moment.frame.scan, moment.truth
 
     try:
-        occupancy = build_occupancy(posed())
+        occupancy = build_occupancy(posed(), cell_m)
     except ValueError as problem:
         if not total:
             raise InputError(path, "found no scan of a laser, expected some to build a map from") from None

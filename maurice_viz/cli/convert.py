@@ -9,6 +9,7 @@ import typer
 
 from maurice_loaders.export.tables import PATHS
 from maurice_loaders.importing import ImportSummary, import_pictures
+from maurice_mcl.library.occupancy_building import CELL_M
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -180,6 +181,9 @@ def build(
             metavar="SHARE",
         ),
     ] = 1.0,
+    cell: Annotated[
+        float, option("--cell", "Side of a cell: larger ones for a large map.", metavar="METERS")
+    ] = CELL_M,
     reading: opt.ReadingSet,
     force: opt.Force = False,
     json_output: opt.Json = False,
@@ -189,7 +193,13 @@ def build(
 
     with listening() as listener:
         built = build_map(
-            recording, output, until=until, reading=reading.options(), force=force, listener=listener
+            recording,
+            output,
+            until=until,
+            cell_m=cell,
+            reading=reading.options(),
+            force=force,
+            listener=listener,
         )
     if json_output:
         print_json(built)
@@ -197,7 +207,9 @@ def build(
     facts = built.to_json()
     width_m, height_m = facts["size_m"]
     counts = f"{built.scans} of {built.of_scans} scans"
-    size = f"{width_m:.1f} x {height_m:.1f} m, {facts['free_m2']:.0f} m² free"
+    size = (
+        f"{width_m:.1f} x {height_m:.1f} m in cells of {facts['cell_m']:g} m, {facts['free_m2']:.0f} m² free"
+    )
     results.print(f"{built.file}: {counts}, {size}", soft_wrap=True)
 
 
