@@ -166,6 +166,31 @@ def mean(values: F64, clusters: Clusters | None = None, level: float = LEVEL) ->
     return student(value, (values - value) / len(values), float(np.abs(values).max()), of, level)
 
 
+def jackknife(figure: Callable[[Bool], float], clusters: Clusters, level: float = LEVEL) -> Interval:
+    """Return a figure of some values, a function of which are used (N,), with Student's interval.
+
+    It is from what the figure is without each drive in turn (Efron and Stein 1981), for figures that are no
+    means; `clusters` has one drive a place.
+
+    >>> import numpy as np
+    >>> from maurice_datasets.trials.statistics import Clusters, jackknife
+    >>> values = np.array([1.0, 1.0, 3.0, 3.0])
+    >>> figure = jackknife(lambda used: values[used].mean(), Clusters.of([1, 1, 2, 2], [1, 1, 2, 2]))
+    >>> figure.value, round(figure.low, 1), round(figure.high, 1)
+    (2.0, -10.7, 14.7)
+    """
+    count = len(clusters.drives)
+    if not count:
+        return UNKNOWN
+    value, units = figure(np.ones(count, bool)), np.unique(clusters.drives)
+    without = [figure(clusters.drives != unit) for unit in units.tolist()] if len(units) > 1 else [value]
+    apart_by = np.array(without) - np.mean(without)
+    error = float(np.sqrt((len(units) - 1) / len(units) * np.square(apart_by).sum()))
+    known = len(units) > 1 and (error > EQUAL * abs(value) or len(units) >= FEW)
+    reach = _quantile(len(units) - 1, level) * error if known else np.nan
+    return Interval(value, value - reach, value + reach, count, clusters.count)
+
+
 def rate(hits: int, count: int, level: float = LEVEL) -> Interval:
     """Return the share of independent runs that hit, with its Wilson interval (Wilson 1927).
 

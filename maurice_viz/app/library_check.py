@@ -25,11 +25,12 @@ from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values import F64, Library, plain, plain_value
 
 from ..errors import SILENT, Listener, OptionError, progress_of
-from ..running.drive_check import score_feature
+from ..running.drive_check import look_up_drive, score_feature
 from ..running.filters import Filter
 from ..running.open import library_at, open_session
 from ..style import scale_for
 from ..text.library import say_places
+from .found_again import FoundAgain
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 
@@ -46,6 +47,7 @@ class LibraryCheck:
     wanted_m: float  # between places: as they are, or nearer where they are too sparse
     weights: Mapping[str, float]  # of the channels that are compared
     drive: DriveScore | None = None  # what a drive's pictures say about it; None: no drive was given
+    found: FoundAgain | None = None  # which references those pictures find
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
@@ -76,6 +78,7 @@ class LibraryCheck:
             ],
             "places_told_apart": self.telling.to_json(),
             "drive": None if self.drive is None else self.drive.to_json(),
+            "retrieval": None if self.found is None else self.found.to_json(),
         }
 
     def _confusion(self, confusion: Confusion) -> dict[str, Any]:
@@ -103,6 +106,19 @@ class LibraryCheck:
         write_whole(path, ("\n".join(lines) + "\n").encode(), force=force)
         return path
 
+    def draw_curves(self, to: str | Path, *, force: bool = False) -> Path:
+        """Draw precision over recall, and recall over references, of the drive (.svg, .pdf); return its path.
+
+        Raises InputError for a check without a drive, and if the file exists (unless `force`).
+        """
+        from ..plots.retrieval import draw_retrieval
+
+        path = Path(to)
+        if self.found is None:
+            raise InputError(path, "found no drive to look up; name one with --drive")
+        draw_retrieval(self.found, self.library.name, path, force=force)
+        return path
+
     def draw(self, to: str | Path, *, force: bool = False) -> Path:
         """Write the map of expected ambiguity (.png) and return its path.
 
@@ -124,6 +140,7 @@ def check_library(
     feature: str = "blended",
     to: str | Path | None = None,
     poses: str | Path | None = None,
+    curves: str | Path | None = None,
     drive: str | Path | None = None,
     reading: Reading | None = None,
     force: bool = False,
@@ -132,8 +149,9 @@ def check_library(
     """Compare a library's pictures with each other: aliases, ambiguity, coverage, and what to add.
 
     `drive` is a recording with truth whose pictures are compared with the library as well: pictures of one
-    survey err alike, so that only a drive shows whether a robot's pictures fit where they were taken.
-    `reading` says how it is read.
+    survey err alike, so that only a drive shows whether a robot's pictures fit where they were taken, and
+    how often the right reference is found (`found`), which `curves` draws (.svg, .pdf). `reading` says how
+    it is read.
 
     `feature` is a feature or a channel by name, or a network, `onnx:FILE.onnx`. `to` also draws the map of
     expected ambiguity and of references to add (.png), `poses` writes these as a table (.csv). Raises
@@ -147,8 +165,9 @@ def check_library(
     path = Path(library)
     if to is not None:
         _checked_map(Path(to), force=force)
-    if poses is not None:
-        expect_absent(Path(poses), force=force)
+    for target in (poses, curves):
+        if target is not None:
+            expect_absent(Path(target), force=force)
     opened, recorded = library_at(path, listener), None
     if drive is not None:
         options = reading or Reading()
@@ -168,11 +187,17 @@ def check_library(
     wanted_m = _wanted_m(opened, similarity, telling)
     covered, advice = coverage_of(opened, wanted_m), advise(opened, replace(similarity, spacing_m=wanted_m))
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
-    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, weights, of_drive)
+    found = None
+    if recorded is not None:
+        retrieval = look_up_drive(opened, weights, recorded, progress_of(listener, "look up"))
+        found = FoundAgain.of(retrieval, list(weights))
+    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, weights, of_drive, found)
     if to is not None:
         check.draw(to, force=force)
     if poses is not None:
         check.write_poses(poses, force=force)
+    if curves is not None:
+        check.draw_curves(curves, force=force)
     return check
 
 

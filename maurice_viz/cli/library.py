@@ -9,6 +9,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from maurice_mcl.library.advice import AMBIGUITY, GAP, HEADING, LibraryAdvice
@@ -16,6 +17,7 @@ from maurice_mcl.library.quality import Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values import ChannelIndex, Library
 
+from ..app.found_again import FIRST, FoundAgain, say_found
 from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
 from ..app.library_check import LibraryCheck, check_library
@@ -187,16 +189,22 @@ def _table_of(name: str) -> Table:
 
 def check(
     library: LibraryArgument,
+    drive_argument: Annotated[Path | None, argument("DRIVE", "The same as --drive.", hidden=True)] = None,
     drive: Annotated[
-        Path | None, argument("DRIVE", "A drive with truth, whose pictures are compared with it too.")
+        Path | None,
+        option(
+            "--drive",
+            "A drive with truth whose pictures are looked up: how often they find the right reference.",
+            metavar="SESSION",
+        ),
     ] = None,
     feature: opt.Feature = None,
     files: Annotated[
         list[Path] | None,
         opt.writes(
-            "OUT.png|OUT.csv",
+            "OUT.png|OUT.csv|OUT.svg",
             "OUT.png: draw the map of expected ambiguity. OUT.csv: write the references to add, for "
-            "`survey --poses`. Repeatable.",
+            "`survey --poses`. OUT.svg: with --drive, precision over recall. Repeatable.",
         ),
     ] = None,
     reading: opt.ReadingPairs = None,
@@ -204,14 +212,15 @@ def check(
     json_output: opt.Json = False,
 ) -> None:
     """Compare a library's pictures with each other: look-alikes, ambiguity, gaps, and references to add."""
-    outputs = by_suffix(files, (".png", ".csv"))
+    outputs = by_suffix(files, (".png", ".csv", ".svg"))
     with listening() as listener:
         report = check_library(
             library,
             feature=feature or "blended",
             to=outputs.get(".png"),
             poses=outputs.get(".csv"),
-            drive=drive,
+            curves=outputs.get(".svg"),
+            drive=drive or drive_argument,
             reading=reading_of(reading),
             force=force,
             listener=listener,
@@ -232,13 +241,33 @@ def _print(report: LibraryCheck) -> None:
     table.add_row("to add", _to_add(report.advice, scale))
     results.print(table)
     lines = [*say_places(name, weights, report.telling), *_sparse_lines(report, scale)]
-    if report.drive is not None:
-        lines += say_drive(name, weights, report.drive)
+    if report.drive is not None and report.found is not None:
+        if report.found.right:
+            results.print(_found_table(report.found, scale))
+        lines += [*say_drive(name, weights, report.drive), *say_found(report.found)]
     lines += _gap_lines(report.coverage, scale)
     lines += _pair_lines(report.library, report.similarity, scale)
     lines += (*_missing_lines(report.advice, scale), *_add_lines(report.advice, scale))
     for line in lines:
         results.say(line)
+
+
+def _found_table(found: FoundAgain, scale: Scale) -> Table:
+    within = f"within {scale.say(found.right_m)} and 30 deg of the true pose"
+    of = f"{found.right} of {found.pictures} pictures, in {found.stretches} stretches of the drive"
+    table = Table(title="a right reference is found", title_justify="left", caption_justify="left")
+    table.box, table.padding, table.pad_edge = SIMPLE_HEAD, (0, 1, 0, 0), False
+    table.caption = f"right is a reference {within}, or the nearest; {of} have one; in %, with 95 % intervals"
+    recalls = (f"among {first}" if first > 1 else "first" for first in FIRST)
+    for column in ("", *recalls, "area", "rank"):
+        table.add_column(column, justify="right" if column else "left")
+    for way in found.ways:
+        figures = [value.text(100, 0) for value in (*way.recall.values(), way.area)]
+        table.add_row(way.name, *figures, f"{way.median_rank:g}", style=None if way.is_used else "dim")
+    others = [way.name for way in found.ways if not way.is_used]
+    if others:
+        table.caption += f"; not used: {', '.join(others)}"
+    return table
 
 
 def _coverage(covered: Coverage, scale: Scale) -> str:

@@ -20,11 +20,13 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import MotionProposal
 from maurice_mcl.filter.recovery import STRATEGIES
 from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive
+from maurice_mcl.library.retrieval import Retrieval, look_up
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
-from maurice_mcl.values import F64, Domain, Library, stream
+from maurice_mcl.values import F64, Domain, Library, Progress, stream
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
+MOST_LOOKED_THROUGH = 5000  # updates, of which as many pictures, evenly spread, are looked up in a library
 MOVED_ALONE = 200  # particles that show how far a filter gets without pictures
 SAME_POSE = 2e-3  # meters and radians between a picture and the reference that it became
 SCALE_KEYS = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
@@ -40,16 +42,39 @@ def score_of(sensor: SensorModel, right_m: float, pictures: Sequence[DrivePictur
 
 def score_feature(library: Library, weights: Mapping[str, float], session: RecordedSession) -> DriveScore:
     """Score a drive's pictures that are not references themselves by a feature over a library."""
+    sensor, right_m = _by_feature(library, weights)
+    score = score_of(sensor, right_m, _not_in(library, drive_pictures(session)))
+    return DriveScore(0, np.nan) if score is None else score
+
+
+def look_up_drive(
+    library: Library,
+    weights: Mapping[str, float],
+    session: RecordedSession,
+    progress: Progress | None = None,
+) -> Retrieval:
+    """Look a drive's pictures that are not references themselves up in a library, by a feature."""
+    (sensor, right_m), known = _by_feature(library, weights), known_descriptors()
+    pictures = _not_in(library, session.known_pictures(MOST_LOOKED_THROUGH))
+    chosen = np.linspace(0, len(pictures) - 1, min(len(pictures), MOST_UPDATES)).round().astype(int)
+    found = look_up(sensor, [pictures[k] for k in chosen.tolist()], right_m, known, progress)
+    if known is not None:
+        known.flush()
+    return found
+
+
+def _by_feature(library: Library, weights: Mapping[str, float]) -> tuple[SensorModel, float]:
+    """Return a feature's sensor over a library, not widened, and the radius *right*."""
     reference = reference_of(library)
     configuration = configure([Layer("feature", {"sensor.weights": dict(weights)})])
     scaled, places = adapted(configuration, library, reference)
     localizer = build_localizer(library, None, scaled.parameters, reference=reference)
     ours = _unwidened(localizer.sensor.parameters, 1.0 if places is None else places.widening)
-    pictures = [
-        picture for picture in session.known_pictures(MOST_UPDATES) if not _is_in(library, picture.truth)
-    ]
-    score = score_of(replace(localizer.sensor, parameters=ours), localizer.radii.right_m, pictures)
-    return DriveScore(0, np.nan) if score is None else score
+    return replace(localizer.sensor, parameters=ours), localizer.radii.right_m
+
+
+def _not_in(library: Library, pictures: Sequence[DrivePicture]) -> list[DrivePicture]:
+    return [picture for picture in pictures if not _is_in(library, picture.truth)]
 
 
 def _is_in(library: Library, pose: F64) -> bool:

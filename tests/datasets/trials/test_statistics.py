@@ -13,6 +13,7 @@ from benchmarks.thesis.over_particles import log_fit
 from maurice_datasets.trials.statistics import (
     Clusters,
     holm,
+    jackknife,
     mean,
     p_value,
     rate,
@@ -28,6 +29,19 @@ def test_wilson_by_hand() -> None:
     assert round(rate(20, 20).low, 3) == 0.839
     assert rate(20, 20).high == pytest.approx(1)
     assert np.isnan(rate(0, 0).value)
+
+
+def test_the_jackknife_of_a_mean_is_its_interval_and_of_one_drive_there_is_none() -> None:
+    values, drives = np.array([1.0, 2, 4, 4, 7, 9]), [1, 1, 2, 2, 3, 3]
+    alike = Clusters.of(drives, drives)
+    figure = jackknife(lambda used: float(values[used].mean()), alike)
+    expected = ttest_1samp(values.reshape(3, 2).mean(axis=1), 0).confidence_interval()
+    assert (figure.low, figure.high) == pytest.approx((expected.low, expected.high))
+    assert (figure.count, figure.drives) == (6, 3)
+    alone = jackknife(lambda used: float(values[used].mean()), Clusters.of([1] * 6, [1] * 6))
+    assert alone.value == values.mean()
+    assert np.isnan(alone.low)
+    assert np.isnan(jackknife(lambda used: 0.0, Clusters.of([])).value)
 
 
 def test_kaplan_and_meier_by_hand() -> None:

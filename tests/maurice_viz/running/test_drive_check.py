@@ -15,20 +15,24 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
+import maurice_viz as mv
 from helpers.commands import maurice
+from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import ALPHAS, PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
 from maurice_mcl.library.drive_score import MUTED, DrivePicture
 from maurice_mcl.library.left_out import PlaceScore
+from maurice_mcl.library.retrieval import Ranking, Retrieval
 from maurice_mcl.scoring.comparison import odometry_alone
 from maurice_mcl.scoring.table import TableRows
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, OUR_NAMES
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.geometry import motion_between, wrap
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
+from maurice_viz.app.found_again import FoundAgain, say_found
 from maurice_viz.running.drive_check import suited
 from maurice_viz.text.library import say_drive
 
@@ -127,6 +131,50 @@ def test_library_check_compares_the_pictures_of_a_drive(small_session):
     drive = json.loads(out)["drive"]
     assert 0 < drive["pictures"] <= 14
     assert {"gain", "widening", "tells", "is_bad"} <= set(drive)
+
+
+def test_library_check_looks_the_pictures_of_a_drive_up(small_session, tmp_path):
+    """As a table, a plot and JSON, by each channel, those in use together, and those that are not used."""
+    survey, figure = small_session.parent / "survey.log", tmp_path / "curves.svg"
+    shown, _ = maurice("library", "check", survey, "--drive", small_session, "-o", figure)
+    assert "a right reference is found" in shown
+    assert "not used: " in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    assert figure.read_bytes().startswith(b"<?xml")
+    out, _ = maurice("library", "check", survey, "--drive", small_session, "--json")
+    told = json.loads(out)["retrieval"]
+    assert told["pictures"] == told["with_a_right_reference"] == 14
+    ways = {way["name"]: way for way in told["ways"]}
+    assert set(ways) == {"together", *OUR_NAMES}
+    assert [name for name, way in ways.items() if way["used"]] == ["together", "color", "edges"]
+    for way in ways.values():
+        first, *more = (way[f"recall_at_{count}"] for count in (1, 5, 10))
+        assert 0 <= first["low"] <= first["value"] <= first["high"] <= 1
+        assert first["value"] <= more[0]["value"] <= more[1]["value"]
+        assert way["curve"]["recall"][-1] == pytest.approx(first["value"])
+        assert 0 <= way["area"]["value"] <= first["value"]
+    assert set(told["gain_without"]) == {"color", "edges"}
+    with pytest.raises(InputError, match="found no drive to look up"):
+        mv.check_library(survey, curves=tmp_path / "none.svg")
+
+
+def test_the_channel_that_hurts_is_named():
+    """One that is wrong everywhere, and outweighs one that is always right."""
+    right = Ranking(np.ones(60, np.int32), np.arange(60.0))
+    wrong = Ranking(np.full(60, 40, np.int32), np.arange(60.0))
+    mixed = Ranking(np.where(np.arange(60) % 3, 40, 1).astype(np.int32), np.arange(60.0))
+    alone, without = {"color": right, "edges": wrong}, {"color": wrong, "edges": right}
+    found = FoundAgain.of(Retrieval(alone, mixed, without, np.arange(60) // 3, 60, 0.5), ["color", "edges"])
+    assert (found.worst, found.hurting) == ("edges", ("edges",))
+    (line,) = say_found(found)
+    assert line.startswith(
+        "edges hurts: without it 100% of the pictures find a right reference first instead"
+    )
+    few = Retrieval(alone, mixed, without, np.arange(60) // 30, 60, 0.5)
+    (line,) = say_found(FoundAgain.of(few, ["color", "edges"]))
+    assert "may hurt" in line, "two stretches are two pictures"
+    helps = Retrieval(alone, right, {"color": wrong, "edges": right}, np.arange(60), 60, 0.5)
+    assert list(say_found(FoundAgain.of(helps, ["color", "edges"]))) == []
 
 
 OLIN = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "olin"
