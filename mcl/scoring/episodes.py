@@ -128,6 +128,8 @@ def episodes(run: RunTable) -> Episodes:
     >>> episodes(made).episodes, episodes(made).localized
     ((), 1)
     """
+    if run.knew_before and run.is_calm.all():
+        return Episodes((), False, None, ())
     marks = _Marks.of(run)
     wrong, changes, is_open = list[Episode](), list[tuple[int, Episode]](), False
     for span in _spans(marks):
@@ -292,6 +294,8 @@ def standing(run: RunTable) -> Standing | None:
 
     By its episodes, or while no truth was seen by the lost signal.
     """
+    if run.knew_before and run.is_calm.all():  # as it did: most updates of a live run
+        return run.before
     return _by_truth(run) if run.known.any() else _by_signal(run)
 
 
@@ -349,7 +353,10 @@ class Recent:
 
     def standing(self) -> Standing | None:
         """Return how the run stands at its last update."""
-        run = self.table()
+        return self.move_on(self.table())
+
+    def move_on(self, run: RunTable) -> Standing | None:
+        """Let go of those of the rows that are needed no longer; return how the run stands."""
         now = standing(run)
         if run.updates and _is_at_rest(run, now):
             self._first, self.before = self.rows.updates - 1, now
@@ -360,8 +367,7 @@ def _is_at_rest(run: RunTable, now: Standing | None) -> bool:
     """Return whether nothing goes on at the last update that earlier ones belong to."""
     if not run.known.any():
         return True
-    calm = run.is_localized & ~run.kidnapped & ~run.doubted
-    return now is not None and now.state == LOCALIZED and bool(calm[-LOCALIZED_OF[1] :].all())
+    return now is not None and now.state == LOCALIZED and bool(run.is_calm[-LOCALIZED_OF[1] :].all())
 
 
 def is_bereft(moment: Moment, record: StepRecord) -> bool:

@@ -287,7 +287,7 @@ class EventDetector:
         self._signal.add(record)
         self._recent.rows.add(moment, record, self._signal)
         run, score = self._recent.table(), score_step(record.estimate, moment.truth)
-        self._recent.standing()  # from here on fewer rows are asked
+        self._recent.move_on(run)
         self.state = run.states[-1]
         if run.doubted[-1] and not run.doubted[-2:-1].any():
             yield PROBABLY_LOST, _doubts(self._signal)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,7 +78,7 @@ class Standing:
         return words if self.places < 2 else f"{words}, at one of {self.places} places that look alike"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunTable:
     """One run of U updates in numbers: meters, radians, seconds; NaN where something is not known.
 
@@ -132,7 +133,7 @@ class RunTable:
         """The number of updates U."""
         return len(self.steps)
 
-    @property
+    @cached_property
     def known(self) -> Bool:
         """Where (U,) the truth is known."""
         return ~np.isnan(self.truths[:, 0])
@@ -149,28 +150,28 @@ class RunTable:
         """How far the robot has driven (U,): by the truth, by odometry while no truth is known."""
         return np.where(np.logical_or.accumulate(self.known), self.true_m, self.odometry_m.cumsum())
 
-    @property
+    @cached_property
     def error_m(self) -> F64:
         """Position error (U,)."""
         off = self.poses - self.truths
         return np.hypot(off[:, 0], off[:, 1])
 
-    @property
+    @cached_property
     def heading_error_rad(self) -> F64:
         """Heading error (U,), without sign."""
         return np.abs(wrap_angle((self.poses - self.truths)[:, 2]))
 
-    @property
+    @cached_property
     def is_converged(self) -> Bool:
         """Whether (U,) at least 90 % of the weight is near the estimate."""
         return self.converged >= CONVERGED_SHARE
 
-    @property
+    @cached_property
     def is_correct(self) -> Bool:
         """Whether (U,) the estimate is right; False where the truth is not known."""
         return (self.error_m <= self.radii.right_m) & (self.heading_error_rad <= RIGHT_RAD)
 
-    @property
+    @cached_property
     def is_off(self) -> Bool:
         """Whether (U,) it is too far off: lost after four in a row. False where the truth is not known."""
         return (self.error_m > self.radii.lost_m) | (self.heading_error_rad > LOST_RAD)
@@ -180,20 +181,28 @@ class RunTable:
         """Whether it was localized at the first row, where these are only its last ones."""
         return self.before is not None and self.before.state == LOCALIZED
 
-    @property
+    @cached_property
+    def is_calm(self) -> Bool:
+        """Whether (U,) it is localized, and neither carried away nor doubted."""
+        return self.is_localized & ~self.kidnapped & ~self.doubted
+
+    @cached_property
     def judged(self) -> NDArray[np.intp]:
         """The updates (J,) at which something can begin or end: with a true pose, or a kidnapping."""
         return np.flatnonzero(self.known | self.kidnapped)
 
-    @property
+    @cached_property
     def is_localized(self) -> Bool:
         """Converged and correct (U,)."""
         return self.is_converged & self.is_correct
 
-    @property
+    @cached_property
     def is_lost(self) -> Bool:
         """Whether (U,) it is lost: too far off at four updates in a row, and still so, once it knew where."""
-        lost, judged, knew = np.zeros(self.updates, bool), self.judged, knew_at(self)
+        lost = np.zeros(self.updates, bool)
+        if not self.is_off.any():
+            return lost
+        judged, knew = self.judged, knew_at(self)
         if knew is not None:
             late = np.arange(len(judged)) >= knew
             lost[judged] = late & (in_a_row(self.is_off[judged]) >= LOST_FOR)
