@@ -318,6 +318,7 @@ class TableRows:
     _columns: dict[str, NDArray[Any]] = field(default_factory=dict)  # (room, ...), of a run (room, R, ...)
     _events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
     _pose: F32 | None = None  # (1, 3) moved by the motion model, relative to the library's origin
+    _whole: RunTable | None = None  # of all rows, until another one comes
 
     def add(
         self,
@@ -340,6 +341,7 @@ class TableRows:
     def begin(self, moment: Moment) -> None:
         """Make room for an update."""
         self._make_room()
+        self._whole = None
         frame, row = moment.frame, self.updates
         drive = {
             "steps": frame.step,
@@ -429,7 +431,11 @@ class TableRows:
 
     def table(self, seed: int = 0, first: int = 0, before: Standing | None = None) -> RunTable:
         """Return the only run so far, or its rows from one on, at which it stood in this way."""
-        return self.tables([seed], first, before)[0]
+        if first or before is not None:
+            return self.tables([seed], first, before)[0]
+        if self._whole is None or self._whole.seed != seed:  # who asks for it asks for the same figures of it
+            self._whole = self.tables([seed])[0]
+        return self._whole
 
     def tables(
         self, seeds: Sequence[int], first: int = 0, before: Standing | None = None

@@ -353,3 +353,12 @@ def test_the_effective_sample_size_is_a_share_of_the_particles_that_were_weighte
     rows = TableRows()
     rows.add(moment(record), replace(record, belief=belief))
     assert (rows.table().particles[0], rows.table().ess_share[0]) == (2, pytest.approx(1.0))
+
+
+def test_a_table_is_made_once_until_another_row_comes():
+    rows = TableRows()
+    _add(rows, _estimate(), HERE)
+    one = rows.table()
+    assert rows.table() is one
+    _add(rows, _estimate(), HERE, step=1)
+    assert (one.updates, rows.table().updates, rows.table(7).seed) == (1, 2, 7)
