@@ -98,9 +98,9 @@ if TYPE_CHECKING:
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
     from .running.filters import Filter as Filter
-    from .running.live import LiveOptions as LiveOptions
     from .running.output import Output as Output
     from .running.run import RunScores as RunScores
+    from .running.source import LiveOptions as LiveOptions
     from .running.verify import verify as verify
 
 __all__, __getattr__, __dir__ = front_page(__name__)

@@ -152,8 +152,10 @@ def open_session(path: str | Path, reading: Reading | None = None, **changes: An
         [(4, 6, 3), (4, 6, 3)]
     """
     path, options = Path(path), replace(reading or Reading(), **changes)
+    form = chosen(path, options)
+    options = replace(options, format=form.name)  # which is asked for once
     recording = open_recording(path, options)
-    return RecordedSession(with_frames(recording) if chosen(path, options).readings else recording, options)
+    return RecordedSession(with_frames(recording) if form.readings else recording, options)
 
 
 def chosen(path: Path, options: Reading) -> Format:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.manifest import is_saved, library_hash
+from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values import Arena, Library
 
@@ -21,10 +21,10 @@ from ..errors import SILENT, Listener, OptionError
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running import open as opening
 from ..running.filters import AnyFilter, AnySource, Filter, filter_of, names_of, read_as_amcl, told_apart
-from ..running.live import LiveOptions
 from ..running.output import Output, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
+from ..running.source import Kind, LiveOptions, Request, kind_of_source
 from ..scene import RunView, Scene
 from .convert import only_run
 from .replay import replay_source
@@ -64,60 +64,44 @@ def compare(
     """
     several = isinstance(session, (list, tuple))
     sources: list[AnySource] = list(session) if several else [session]  # type: ignore[list-item,arg-type]  # told apart
-    asked = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
-    specs = [filter_of(each) for each in asked]
+    given = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
+    specs = [filter_of(each) for each in given]
     named = sources[0] if len(sources) == 1 else SEVERAL
     output = output_of(named, output, to, save_run, force=force)
-    reading, live = reading or Reading(), live or LiveOptions()
-    return _compared(sources, library, specs, output, reading, live, listener, report)
-
-
-def _compared(
-    sources: Sequence[AnySource],
-    library: str | Path | Library | None,
-    filters: Sequence[Filter],
-    output: Output,
-    reading: Reading,
-    live: LiveOptions,
-    listener: Listener,
-    report: Report,
-) -> RunScores:
-    """Compare what is named, by the one way that fits it. InputError, OptionError."""
-    saved = [isinstance(source, (str, Path)) and is_saved(Path(source)) for source in sources]
-    if any(saved):
-        if not all(saved):
-            raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
-        if filters or library is not None or output.folder or reading != Reading():
-            raise OptionError(
-                "saved runs are compared as they were: only options of the output apply to them"
-            )
-        _check_count(len(sources), fewest=1)
-        folders = [Path(str(source)) for source in sources]
-        return _play(_saved_playback(folders, listener), output, listener, report)
-    if len(sources) > 1:
-        _check_count(len(sources))
-        paths = [source for source in sources if isinstance(source, (str, Path))]
-        if live != LiveOptions() or any(map(live.listens, paths)):
-            raise OptionError("a live source is compared alone, with several filters; several were named")
-        if output.folder is not None:
-            advice = "replay each with --save-run, then compare"
-            raise OptionError(f"--save-run saves runs of one session; {advice}")
-        asked = Path(library) if isinstance(library, str) else library
-        if len(filters) > 1:
-            raise OptionError(f"sessions are compared with one filter, found {len(filters)}; give one")
-        spec = filters[0] if filters else Filter()
-        playback = _sessions_playback(sources, asked, spec, reading, listener)
-        return _play(playback, output, listener, report)
-    if len(filters) == 1:
-        raise OptionError(f"found 1 run to compare, {filters[0].label}; give another filter as well")
-    specs = told_apart(filters or [Filter(feature=name) for name in COLOR_AND_BLENDED])
+    live = live or LiveOptions()
+    kinds = {kind_of_source(source, live) for source in sources}
+    request = Request(sources[0], library, specs, output, reading or Reading(), live, listener, report)
+    if len(sources) > 1 or Kind.SAVED in kinds:
+        playback = _separate(sources, kinds, request)
+        labels = [run.label for run in playback.views] if output.stem == SEVERAL else []
+        return play(playback, output.named(labels), listener, report=report)
+    if len(specs) == 1:
+        raise OptionError(f"found 1 run to compare, {specs[0].label}; give another filter as well")
+    specs = told_apart(specs or [Filter(feature=name) for name in COLOR_AND_BLENDED])
     _check_count(len(specs))
-    return replay_source(sources[0], library, specs, output, reading, live, listener, report)
+    return replay_source(replace(request, specs=specs))
 
 
-def _play(playback: Playback, output: Output, listener: Listener, report: Report) -> RunScores:
-    labels = [run.label for run in playback.views] if output.stem == SEVERAL else []
-    return play(playback, output.named(labels), listener, report=report)
+def _separate(sources: Sequence[AnySource], kinds: Set[Kind], request: Request) -> Playback:
+    """Prepare saved runs, or sessions that are replayed with one filter. InputError, OptionError."""
+    specs, has_folder = request.specs, request.output.folder is not None
+    if Kind.SAVED in kinds:
+        if len(kinds) > 1:
+            raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
+        if specs or request.library is not None or has_folder or request.reading != Reading():
+            only = "only options of the output apply to them"
+            raise OptionError(f"saved runs are compared as they were: {only}")
+        _check_count(len(sources), fewest=1)
+        return _saved_playback([Path(str(source)) for source in sources], request.listener)
+    _check_count(len(sources))
+    if Kind.LIVE in kinds:
+        raise OptionError("a live source is compared alone, with several filters; several were named")
+    if has_folder:
+        advice = "replay each with --save-run, then compare"
+        raise OptionError(f"--save-run saves runs of one session; {advice}")
+    if len(specs) > 1:
+        raise OptionError(f"sessions are compared with one filter, found {len(specs)}; give one")
+    return _sessions_playback(sources, request, specs[0] if specs else Filter())
 
 
 def _check_count(found: int, fewest: int = 2) -> None:
@@ -157,21 +141,17 @@ def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
     )
 
 
-def _sessions_playback(
-    sources: Sequence[AnySource],
-    library: Path | Library | None,
-    spec: Filter,
-    reading: Reading,
-    listener: Listener,
-) -> Playback:
+def _sessions_playback(sources: Sequence[AnySource], request: Request, spec: Filter) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
     recorded = [source for source in sources if isinstance(source, (str, Path, RecordedSession))]
     if len(recorded) < len(sources):
         raise OptionError("a session of your own is compared with several filters, not beside others")
-    reading, (spec,) = read_as_amcl(recorded[0], reading, [spec], listener)
+    listener = request.listener
+    reading, (spec,) = read_as_amcl(recorded[0], request.reading, [spec], listener)
     sessions = [opening.open_session(source, reading, listener) for source in recorded]
     paths = [session.path for session in sessions]
-    references = _one_library(sessions, library, reading.keep_going, listener)
+    place = Path(request.library) if isinstance(request.library, str) else request.library
+    references = _one_library(sessions, place, reading.keep_going, listener)
     names = names_of([path.with_suffix("") for path in paths])
     free = [f"{name}.log" if name in RESERVED else name for name in names]  # as `session` is
     named = [replace(spec, name=label) for label in opening.unique_labels(free)]

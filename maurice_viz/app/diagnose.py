@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,7 +160,8 @@ def diagnose(
     if source.suffix == ".rrd":
         raise unlike(source, A_RUN)
     scores = replay(source, library, filter, reading=reading, listener=listener)
-    saved, recorded = is_saved(source), _recorded(source)
+    runs = _runs_of(source)
+    recorded = {run.manifest.label for run in runs if run.manifest.recorded}
     several = len(scores.runs) > 1
     return Diagnoses(
         scores.name,
@@ -167,25 +169,20 @@ def diagnose(
             RunDiagnosis(
                 run.label,
                 run.verdict,
-                (source / run.label if several else source) if saved else None,
+                (source / run.label if several else source) if runs else None,
                 scores.display_units,
                 run.label in recorded,
             )
             for run in scores.runs
         ),
-        _doubts(source, reading or Reading()),
+        _doubts(source, runs, reading or Reading()),
     )
 
 
-def _doubts(source: Path, reading: Reading) -> tuple[str, ...]:
+def _doubts(source: Path, runs: Sequence[SavedRun], reading: Reading) -> tuple[str, ...]:
     """Return what is wrong with a recording, by its numbers alone; nothing of one that is gone."""
-    from maurice_loaders.runs.store import open_runs  # loads polars
-
     try:
-        if is_saved(source):
-            recording = _recording_of(open_runs(source)[0])
-        else:
-            recording = open_recording(source, reading)
+        recording = _recording_of(runs[0]) if runs else open_recording(source, reading)
         gathering = Gathering()
         for record in checked(recording, ReadingNotes(keep_going=True)):
             gathering.add(record)
@@ -203,13 +200,13 @@ def _recording_of(run: SavedRun) -> Recording:
     return session_of(run).recording
 
 
-def _recorded(source: Path) -> set[str]:
-    """Return the labels of the runs of another localizer."""
+def _runs_of(source: Path) -> Sequence[SavedRun]:
+    """Return the saved runs in a folder; none of what is no saved run."""
     if not is_saved(source):
-        return set()
+        return ()
     from maurice_loaders.runs.store import open_runs  # loads polars, which a plain replay does without
 
-    return {run.manifest.label for run in open_runs(source) if run.manifest.recorded}
+    return open_runs(source)
 
 
 def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:

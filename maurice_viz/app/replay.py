@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.manifest import check_run_target, is_saved
+from maurice_loaders.runs.manifest import check_run_target
 from maurice_mcl.values import NO_PICTURE, Library, Moment, Session, SessionInfo, expect_frame
 
 from ..errors import SILENT, Listener, OptionError
@@ -17,10 +17,11 @@ from ..layouts import RECORDED_LAYOUT_NAMES
 from ..playback import FilterRun, run_together, shared
 from ..running import open as opening
 from ..running.filters import AnyFilter, AnySource, Filter, filter_of, read_as_amcl, words_of
-from ..running.live import LiveOptions, follow_source
+from ..running.live import follow_source
 from ..running.output import Output, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.saving import Inputs, filters_to_save, saving
+from ..running.source import Kind, LiveOptions, Request, kind_of_source
 from ..scene import RunView, Scene
 
 
@@ -59,110 +60,78 @@ def replay(
         0.02
     """
     output = output_of(session, output, to, save_run, force=force)
-    reading, live, spec = reading or Reading(), live or LiveOptions(), filter_of(filter)
-    return _replayed(session, library, spec, output, reading, live, as_recorded, listener, report)
-
-
-def _replayed(
-    session: AnySource,
-    library: str | Path | Library | None,
-    spec: Filter,
-    output: Output,
-    reading: Reading,
-    live: LiveOptions,
-    as_recorded: bool,
-    listener: Listener,
-    report: Report,
-) -> RunScores:
-    """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
-    plain = spec == Filter() and library is None and output.folder is None
-    if not isinstance(session, (str, Path)):
-        return replay_source(session, library, [spec], output, reading, live, listener, report, alone=True)
-    path = Path(session)
-    if path.suffix == ".rrd":
-        if not plain:
-            raise OptionError(f"{path} is a recording of the viewer: no option applies to it")
-        show_recording(path, listener, output)
+    request = Request(
+        session,
+        library,
+        [filter_of(filter)],
+        output,
+        reading or Reading(),
+        live or LiveOptions(),
+        listener,
+        report,
+        alone=True,
+    )
+    if isinstance(session, (str, Path)) and Path(session).suffix == ".rrd":
+        if not request.is_plain:
+            raise OptionError(f"{session} is a recording of the viewer: no option applies to it")
+        show_recording(Path(session), listener, output)
         return RunScores(())
-    if as_recorded:
-        if spec != Filter() or isinstance(library, Library):
-            only = "only options of reading and of the output apply, and the path of a map"
-            raise OptionError(f"--as-recorded runs no filter: {only}")
-        if live.listens(path):
-            raise OptionError("--as-recorded reads a bag that is finished, not a live source")
-        if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
-            names = " and ".join(RECORDED_LAYOUT_NAMES)
-            raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        if output.folder is not None:
-            check_run_target(output.folder, force=output.force)
-        from ..running.recorded import open_recorded, playback_of_recorded, recorded_to_save
-
-        place = None if library is None else Path(library)
-        recorded = open_recorded(path, reading, place)
-        savers = None if output.folder is None else saving(recorded_to_save(recorded, reading), output)
-        named = output.named(["as recorded"])
-        return play(playback_of_recorded(recorded, listener), named, listener, savers, report)
-    if is_saved(path) and live == LiveOptions():
-        if not plain or reading != Reading():
-            raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
-        from ..running.saved import open_saved, playback_of  # loads polars, which a plain replay does without
-
-        return play(playback_of(open_saved(path, listener), listener), output, listener, report=report)
-    return replay_source(path, library, [spec], output, reading, live, listener, report, alone=True)
+    return _replay_as_recorded(request) if as_recorded else replay_source(request)
 
 
-def replay_source(
-    session: AnySource,
-    library: str | Path | Library | None,
-    specs: Sequence[Filter],
-    output: Output,
-    reading: Reading,
-    live: LiveOptions,
-    listener: Listener,
-    report: Report,
-    *,
-    alone: bool = False,
-) -> RunScores:
-    """Replay a session, or localize on a live source, once for each spec, side by side.
-
-    `alone` where no run may be enough. InputError, OptionError.
-    """
-    if not isinstance(session, (str, Path, RecordedSession)):
-        return _replay_own(session, library, specs, output, listener, report)
-    if isinstance(session, (str, Path)) and live.listens(session):
-        if isinstance(library, Library):
-            raise OptionError("a live source needs the path of its library, found an opened one")
-        survey = None if library is None else Path(library)
-        return follow_source(Path(session), survey, specs, output, live, reading, listener, report)
-    if live != LiveOptions():
-        given = "--capture, --keep-up, --every-picture and --patience need a live source"
-        raise OptionError(f"{given}: -, tcp://, ws://, cmucam://, or a file with --follow")
-    return replay_session(session, library, specs, output, reading, listener, report, alone=alone)
+def replay_source(request: Request) -> RunScores:
+    """Replay what was asked for, in the way of its source. InputError, OptionError."""
+    return WAYS[kind_of_source(request.source, request.live)](request)
 
 
-def replay_session(
-    session: str | Path | RecordedSession,
-    library: str | Path | Library | None,
-    specs: Sequence[Filter],
-    output: Output,
-    reading: Reading,
-    listener: Listener,
-    report: Report,
-    *,
-    alone: bool = False,
-) -> RunScores:
-    """Replay a recorded session as `replay_source` does."""
+def _replay_as_recorded(request: Request) -> RunScores:
+    """Show and score the localizers in a bag; no filter runs. InputError, OptionError."""
+    output, library = request.output, request.library
+    if list(request.specs) != [Filter()] or isinstance(library, Library):
+        only = "only options of reading and of the output apply, and the path of a map"
+        raise OptionError(f"--as-recorded runs no filter: {only}")
+    if (
+        not isinstance(request.source, (str, Path))
+        or kind_of_source(request.source, request.live) is Kind.LIVE
+    ):
+        raise OptionError("--as-recorded reads a bag that is finished, not a live source")
+    if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
+        names = " and ".join(RECORDED_LAYOUT_NAMES)
+        raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
+    if output.folder is not None:
+        check_run_target(output.folder, force=output.force)
+    from ..running.recorded import open_recorded, playback_of_recorded, recorded_to_save
+
+    place = None if library is None else Path(library)
+    recorded = open_recorded(Path(request.source), request.reading, place)
+    savers = None if output.folder is None else saving(recorded_to_save(recorded, request.reading), output)
+    playback = playback_of_recorded(recorded, request.listener)
+    return play(playback, output.named(["as recorded"]), request.listener, savers, request.report)
+
+
+def _replay_saved(request: Request) -> RunScores:
+    """Show a saved run, or those of a comparison, as they were. InputError, OptionError."""
+    if not request.is_plain:
+        raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
+    from ..running.saved import open_saved, playback_of  # loads polars, which a plain replay does without
+
+    playback = playback_of(open_saved(Path(str(request.source)), request.listener), request.listener)
+    return play(playback, request.output, request.listener, report=request.report)
+
+
+def _replay_session(request: Request) -> RunScores:
+    """Replay a recording of any format, once for each filter, side by side. InputError, OptionError."""
+    library, output, listener = request.library, request.output, request.listener
+    assert isinstance(request.source, (str, Path, RecordedSession)), "see `kind_of_source`"
     if output.folder is not None:
         check_run_target(output.folder, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
-    reading, specs = read_as_amcl(session, reading, specs, listener)
-    opened = opening.open_session(session, reading, listener)
-    asked = Path(library) if isinstance(library, (str, Path)) else library
+    reading, specs = read_as_amcl(request.source, request.reading, request.specs, listener)
+    opened = opening.open_session(request.source, reading, listener)
     plain = list(specs) == [Filter()] and output.folder is None and output.layout is None
-    alone = alone and plain and output.alone and output.draws
-    place = opening.library_of(opened, asked)
-    if place is None and alone:
+    place = opening.library_of(opened, Path(library) if isinstance(library, str) else library)
+    if place is None and request.alone and plain and output.alone and output.draws:
         from ..running.drive import show_alone  # imports Rerun
 
         written = show_alone(opened, output.named(["drive"]), listener)
@@ -178,9 +147,9 @@ def replay_session(
         runs = opening.make_runs(opened, references, specs, listener)
         playback = playback_of_session(opened, references, runs, overview, listener)
         survey = place if isinstance(place, Path) else opened.path
-        inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
+        inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, opened.options)
         savers = saving(filters_to_save(runs, inputs), output)
-        return play(playback, output.named(words_of(specs)), listener, savers, report)
+        return play(playback, output.named(words_of(specs)), listener, savers, request.report)
 
 
 @dataclass(frozen=True)
@@ -204,22 +173,16 @@ class _OwnSession:
             yield moment
 
 
-def _replay_own(
-    session: Session,
-    library: str | Path | Library | None,
-    specs: Sequence[Filter],
-    output: Output,
-    listener: Listener,
-    report: Report,
-) -> RunScores:
+def _replay_own(request: Request) -> RunScores:
     """Replay a session of the caller's own, which is on no disk. InputError, OptionError."""
-    if not hasattr(session, "info") or not hasattr(session, "moments"):
+    session, library, listener = request.source, request.library, request.listener
+    if isinstance(session, (str, Path)) or not hasattr(session, "info") or not hasattr(session, "moments"):
         expected = "expected a path, or a session with `info` and `moments()`"
         raise InputError(None, f"session: found {type(session).__name__}, {expected}")
     place = session.info.survey if library is None else library
     if place is None:
         raise InputError(None, "found no library that goes with the session; name one with --library")
-    if output.folder is not None:
+    if request.output.folder is not None:
         how = "write it with maurice_loaders.SessionWriter, and replay the log"
         raise OptionError(f"--save-run: a saved run names its session's file, and this one has none; {how}")
     own = _OwnSession(session, Path(session.info.name))
@@ -227,7 +190,7 @@ def _replay_own(
     first = next(own.moments(), None)
     if first is None:
         raise InputError(own.path, "holds no moment, so there is nothing to localize by")
-    runs = opening.make_runs(own, references, specs, listener)
+    runs = opening.make_runs(own, references, request.specs, listener)
     has_pictures = first.frame.image is not NO_PICTURE
     playback = Playback(
         shared(run_together(runs, own.moments())),
@@ -236,7 +199,15 @@ def _replay_own(
         Scene(own.info, references, first.truth is not None, has_pictures=has_pictures),
         lambda collector: remark_zeros(collector, listener),
     )
-    return play(playback, output.named(words_of(specs)), listener, report=report)
+    return play(playback, request.output.named(words_of(request.specs)), listener, report=request.report)
+
+
+WAYS: Mapping[Kind, Callable[[Request], RunScores]] = {
+    Kind.SESSION: _replay_session,
+    Kind.SAVED: _replay_saved,
+    Kind.LIVE: follow_source,
+    Kind.OWN: _replay_own,
+}
 
 
 def playback_of_session(

@@ -3,7 +3,8 @@
 The walk of a replay, from the command to a dot on the screen:
 
 1. `cli/replay.py` parses the command line and calls `app/replay.py`, as a program of Python would.
-2. `filters.py` says what filter is asked for, `open.py` opens session and library and builds a filter.
+2. `source.py` tells once what the source is and holds all that is asked for, `filters.py` what filter;
+   `open.py` opens session and library and builds a filter.
 3. `playback.py` (of the package) steps all filters through the session; `run.py` goes through these
    steps: it scores each, saves it (`saving.py`), and has it drawn.
 4. `output.py` opens a file, a viewer or a browser's page to draw to (`viewer/`), laid out by `layouts/`.

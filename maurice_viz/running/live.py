@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maurice_loaders.errors import SourceError
-from maurice_loaders.live.source import Patience, is_live, live_source
+from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.reading.observations import gate_of
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.runs.manifest import check_run_target
@@ -24,6 +24,7 @@ from .filters import Filter, read_as_amcl, words_of
 from .output import Output
 from .run import Playback, Report, RunScores, play, remark_zeros
 from .saving import Inputs, filters_to_save, saving
+from .source import Request
 from .watch import LossCommand, Watch
 
 if TYPE_CHECKING:
@@ -33,43 +34,17 @@ if TYPE_CHECKING:
 STEM = "live"  # of the recording, where no -o names it
 
 
-@dataclass(frozen=True, slots=True)
-class LiveOptions:
-    """How a live source is listened to; None: the source's default.
-
-    >>> import maurice_viz as mv
-    >>> followed = mv.LiveOptions(follow=True, patience_s=0.1)
-    >>> mv.replay("session.log", live=followed, to="live.rrd").runs[0].score.updates
-    14
-    """
-
-    follow: bool = False  # the source is a file that is still being written
-    capture: Path | None = None  # a folder: write all that comes to its session.log
-    keep_up: bool | None = None  # leave out the oldest of more than four waiting pictures
-    patience_s: float | None = None  # end when the source was away, or silent, for this long
-    on_lost: str | None = None  # a command to run at each loss, without a shell
-
-    def listens(self, source: str | Path) -> bool:
-        """Return whether a source is listened to, and not read as a recording."""
-        return self.follow or is_live(source)
-
-
 def patience_of(seconds: float | None) -> Patience:
     """Return how long to wait for a source that is away or silent."""
     return Patience() if seconds is None else Patience(seconds, seconds)
 
 
-def follow_source(
-    source: Path,
-    library: Path | None,
-    specs: Sequence[Filter],
-    output: Output,
-    live: LiveOptions,
-    reading: Reading,
-    listener: Listener,
-    report: Report,
-) -> RunScores:
-    """Localize on a live source, once for each spec, until it ends or is stopped. InputError, OptionError."""
+def follow_source(request: Request) -> RunScores:
+    """Localize on a live source, once for each filter, until it ends. InputError, OptionError."""
+    if isinstance(request.library, Library):
+        raise OptionError("a live source needs the path of its library, found an opened one")
+    source, output, live, reading = Path(str(request.source)), request.output, request.live, request.reading
+    listener = request.listener
     if output.folder is not None:
         if live.capture is None:
             raise OptionError("--save-run of a live source needs what came as well: add --capture DIR")
@@ -81,7 +56,7 @@ def follow_source(
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 
     command = None if live.on_lost is None else LossCommand(live.on_lost, listener)
-    reading, specs = read_as_amcl(source, reading, specs, listener)
+    reading, specs = read_as_amcl(source, reading, request.specs, listener)
     output = replace(output, stem=STEM).named(words_of(specs))
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
@@ -91,13 +66,13 @@ def follow_source(
         patience_of(live.patience_s),
         reading.camera,
         gate,
-        library=library,
+        library=None if request.library is None else Path(request.library),
         start_holds=any(spec.start == "tracking" for spec in specs),
     )
     with LiveSession(live_source(source, reading), listen, recorder, listener.remark) as session:
         try:
             watch = Watch(listener, command)
-            return _localize(session, specs, output, reading, watch, listener, report)
+            return _localize(session, specs, output, reading, watch, listener, request.report)
         finally:
             if recorder is not None:
                 session.close()  # so that the file is whole when this is remarked

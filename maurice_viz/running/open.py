@@ -12,7 +12,6 @@ from unicodedata import normalize
 
 import numpy as np
 
-from maurice_loaders.bags.containers import looks_like_bag
 from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.doctor.gathering import Gathering
 from maurice_loaders.doctor.plausibility import implausible
@@ -113,11 +112,9 @@ def open_session(
     """Open a session of any format, unless it is open. InputError for what is no session."""
     if not isinstance(source, (str, Path)):
         return source
-    path = Path(source)
-    form = chosen(path, reading)
-    session = open_any(path, replace(reading, format=form.name))
-    for text in form.remarks:
-        listener.remark(f"{path}: {text}")
+    session = open_any(source, reading)
+    for text in chosen(session.path, session.options).remarks:
+        listener.remark(f"{session.path}: {text}")
     for text in session.opening_remarks:
         listener.remark(text)
     return session
@@ -139,12 +136,11 @@ def warn_implausible(path: Path, gathering: Gathering, listener: Listener) -> No
 
 def library_of(session: RecordedSession, asked: Path | Library | None) -> Path | Library | None:
     """Return the library that was asked for, or the header names, or the bag itself where it holds a map."""
-    if asked is not None or session.info.survey is not None or not looks_like_bag(session.path):
+    if asked is not None or session.info.survey is not None or not session.observed.scans:
         return asked or session.info.survey
     from maurice_loaders.bags.maps import map_in
 
-    has_map = session.observed.scans and map_in(session.path) is not None
-    return session.path if has_map else None
+    return None if map_in(session.path, session.options) is None else session.path
 
 
 def open_library_for(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from .options import LIVE, option
 
 if TYPE_CHECKING:
-    from ...running.live import LiveOptions
+    from ...running.source import LiveOptions
 
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 _FOLLOW = "SESSION is a file that is still being written: continue as it grows."
@@ -58,6 +58,6 @@ class ListenSet:
 
         if self.follow or any(map(is_live, sources)):
             os.environ.setdefault("RUST_LOG", QUIET)  # before the next line imports Rerun, which reads it
-        from ...running.live import LiveOptions
+        from ...running.source import LiveOptions
 
         return LiveOptions(self.follow, self.capture, self.keep_up, self.patience, self.on_lost)
