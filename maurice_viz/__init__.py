@@ -64,10 +64,10 @@ if TYPE_CHECKING:
     from maurice_mcl.values.records import RecoveryState as RecoveryState
 
     from .app.budget import error_budget as error_budget
+    from .app.calibrate import calibrate_belief as calibrate_belief
     from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
-    from .app.calibrate_belief import calibrate_belief as calibrate_belief
     from .app.check.check import check as check
     from .app.compare import compare as compare
     from .app.convert import build_map as build_map
@@ -91,10 +91,10 @@ if TYPE_CHECKING:
     from .app.trials import trials as trials
     from .app.what_if import what_if as what_if
     from .errors import Listener as Listener
+    from .notebook import plot as plot
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
-    from .plots.runs import plot as plot
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
     from .running.filters import Filter as Filter

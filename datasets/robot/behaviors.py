@@ -44,8 +44,8 @@ class Proximity:
         """Return how far a disc of this half width can go toward a bearing before it touches anything."""
         angle = self.bearings_rad - bearing_rad
         ahead, aside = self.ranges_m * np.cos(angle), np.abs(self.ranges_m * np.sin(angle))
-        there = (self.ranges_m < self.reach_m) & (ahead > 0) & (aside < half_width_m)
-        touch = ahead[there] - np.sqrt(half_width_m**2 - aside[there] ** 2)
+        blocking = (self.ranges_m < self.reach_m) & (ahead > 0) & (aside < half_width_m)
+        touch = ahead[blocking] - np.sqrt(half_width_m**2 - aside[blocking] ** 2)
         return max(0.0, float(touch.min(initial=self.reach_m - half_width_m)))
 
 

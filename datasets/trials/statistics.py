@@ -305,13 +305,13 @@ def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level
     times, happened = np.asarray(times, np.float64), np.asarray(happened, bool)
     of = apart(len(times)) if clusters is None else clusters
     at = np.unique(times[happened])
-    there = times[:, None] >= at
+    watched = times[:, None] >= at
     died = (times[:, None] == at) & happened[:, None]
-    risk, events = there.sum(axis=0).astype(np.float64), died.sum(axis=0).astype(np.float64)
+    risk, events = watched.sum(axis=0).astype(np.float64), died.sum(axis=0).astype(np.float64)
     curve: F64 = np.asarray(np.cumprod(1 - events / risk), np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         hazard = events / risk
-        influences = np.cumsum((died - there * hazard) / (risk * (1 - hazard)), axis=1)
+        influences = np.cumsum((died - watched * hazard) / (risk * (1 - hazard)), axis=1)
         greenwood = np.sqrt(np.cumsum(events / (risk * (risk - events))))
         spread = _quantile(np.inf, level) * greenwood
         units = of.units(np.nan_to_num(influences).sum(axis=1))

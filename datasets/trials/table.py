@@ -165,10 +165,10 @@ def with_settings(rows: pl.DataFrame) -> pl.DataFrame:
 
 def _of_one_type(values: list[Any]) -> list[Any]:
     """Return values as a column can hold them: whole numbers, numbers, true and false, or else texts."""
-    there = {type(value) for value in values if value is not None}
-    if there == {int, float}:
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {int, float}:
         return [None if value is None else float(value) for value in values]
-    if len(there) == 1 and there <= {int, float, bool, str}:
+    if len(kinds) == 1 and kinds <= {int, float, bool, str}:
         return values
     return [value if value is None or isinstance(value, str) else json.dumps(value) for value in values]
 

@@ -92,9 +92,9 @@ class Table:
 
     def whole(self, read: Callable[..., Read], *more: Any) -> Read:
         """Return what is made of this table and `more`; an error for keys that were not read."""
-        made = read(self, *more)
+        value = read(self, *more)
         self.done()
-        return made
+        return value
 
     def items(self) -> list[tuple[str, object]]:
         """Return all items that have not been read yet."""

@@ -95,9 +95,9 @@ class ScansAtTruth:
 
     def changed(self) -> tuple[float, list[Finding]]:
         """Return the share of the beams that agree, and whether the place has changed since it was mapped."""
-        there = laser_map(self.occupancy, LaserParameters())
+        laser = laser_map(self.occupancy, LaserParameters())
         both = zip(self.readings, self.poses, strict=True)
-        judged = [(reading.hits, judge(there, there.open_rays, reading, pose)) for reading, pose in both]
+        judged = [(reading.hits, judge(laser, laser.open_rays, reading, pose)) for reading, pose in both]
         count = sum(int(hits.sum()) for hits, _ in judged)
         # on whatever is there: a beam may end at a wall that it could not see
         behind = [hits & (each.measured_m > each.expected_m + THROUGH_M) for hits, each in judged]
@@ -105,8 +105,8 @@ class ScansAtTruth:
         beyond, agree = (sum(int(flags.sum()) for flags in each) / count for each in (behind, ends))
         short = sum(each.count("short") for _, each in judged) / count
         seen = Evidence("scans-at-truth", {"scans": len(judged)})
-        found = [Finding("map-changed", (seen,), {"short": short, "beyond": beyond})]
-        return agree, found if short + beyond >= CHANGED_AT_TRUTH else []
+        findings = [Finding("map-changed", (seen,), {"short": short, "beyond": beyond})]
+        return agree, findings if short + beyond >= CHANGED_AT_TRUTH else []
 
     def _off(self, factor: F64, about: F64) -> F64:
         """Return the share of each scan's beams (S,) that disagree, their ends scaled about a place (2,)."""

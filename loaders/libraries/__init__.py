@@ -2,6 +2,6 @@
 
 * `store`: built from a survey, opened, cached; `files`: the folder on disk
 * `survey`: a survey log, or a selection of a drive's pictures; `landmarks`: found in a library's pictures
-* `own_channels`: measured by channels of a user's own
+* `own_channels`: measured by channels of a user's own; `completed`: all that filters compare by
 * `remembered`, `measured`: what was computed from files, and descriptors of pictures, in the user's cache
 """

@@ -225,8 +225,8 @@ def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
     outside = next((name for name in names if name is not None and leads_outside(name)), None)
     if outside is not None:
         raise FieldError(f"found the picture {show(outside)}, expected one in the library's folder")
-    there = _pictures_in(folder)
-    missing = set(names) - there - {None}
+    present = _pictures_in(folder)
+    missing = set(names) - present - {None}
     lost = [name for name in names if name in missing and not (folder / name).is_file()]
     if lost or not np.isfinite(poses).all():
         raise FieldError(f"{Path(lost[0]).name} is missing" if lost else "a pose is not finite")

@@ -35,11 +35,11 @@ def with_own_channels(
             image = reduced(decode_picture(picture_file(path)))
         except PictureError as problem:
             raise InputError(path, f"{problem}; {own[0]} measures the library's pictures") from None
-        found = {} if known is None else known.find(image, own)
-        measured = {name: CHANNELS[name].describe(image) for name in own if name not in found}
+        remembered = {} if known is None else known.find(image, own)
+        measured = {name: CHANNELS[name].describe(image) for name in own if name not in remembered}
         if known is not None and measured:
             known.keep(image, measured)
-        for name, descriptor in (found | measured).items():
+        for name, descriptor in (remembered | measured).items():
             rows[name].append(descriptor)
         if progress is not None:
             progress(number, library.size, what)

@@ -278,12 +278,12 @@ def _from_cache(kept: Path, warn: Warn | None) -> Library | None:
 
 def _into_cache(built: Library, kept: Path, warnings: list[str]) -> Library:
     """Keep a library; where that fails the built one serves as well, with its pictures at the survey."""
-    there = kept.exists()  # asked before it is read: what comes into place afterwards is never thrown away
+    existed = kept.exists()  # asked before it is read: what comes into place afterwards is never thrown away
     quicker = _from_cache(kept, None)
     if quicker is not None and set(built.index) <= set(quicker.index):
         return quicker
     try:
-        if there:
+        if existed:
             discard(kept)  # it is damaged, or lacks a channel
         save_library(built, kept, warnings=warnings)
         not_kept = "it was removed meanwhile"

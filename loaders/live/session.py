@@ -306,9 +306,9 @@ class LiveSession(HasReadingNotes):
     def _makes_an_update(self, aligned: Aligned) -> bool:
         if self._listen.only_record:
             return False
-        way = reduce(compose_motions, aligned.motions, np.zeros(3))
+        movement = reduce(compose_motions, aligned.motions, np.zeros(3))
         gate = self._listen.gate or (Gate() if self._observations.pictures else SCAN_GATE)
-        if not (self._first or gate.open_after(way)):
+        if not (self._first or gate.open_after(movement)):
             return False
         self._first = False
         return True

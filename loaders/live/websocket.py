@@ -352,5 +352,5 @@ def _needs_frames(chosen: TopicChoice) -> bool:
 def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
     names = {topic.name.lstrip("/") for topic in known} | {"none"}
     asked = (wishes.image, wishes.odometry, wishes.truth, wishes.scan)
-    there = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
-    return TopicRequest(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
+    flags = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
+    return TopicRequest(*(one if here else "none" for one, here in zip(asked, flags, strict=True)))

@@ -157,6 +157,6 @@ class Observations:
             and apart_s <= self._near_s
             and not (nearest.place is None or picture.place is None)
         ):
-            way = motion_between(picture.place, nearest.place)
-            aligned.scan = replace(scan, mount=compose(way, scan.mount)) if way.any() else scan
+            between = motion_between(picture.place, nearest.place)
+            aligned.scan = replace(scan, mount=compose(between, scan.mount)) if between.any() else scan
         return aligned

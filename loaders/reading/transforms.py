@@ -383,11 +383,11 @@ class _NoisyWheels:
 
     def _measured(self, motion: F64) -> F64:
         forward, left, turn = (float(v) for v in motion)
-        way = math.hypot(forward, left)
+        length_m = math.hypot(forward, left)
         length, drift, share = (float(v) for v in self._errors)
         along = 1 + self._noise.way_share * length
-        turned = turn * (1 + self._noise.turn_share * share) + self._noise.drift_rad_per_m * way * drift
-        self._gone_m, self._turned_rad = self._gone_m + way, self._turned_rad + abs(turn)
+        turned = turn * (1 + self._noise.turn_share * share) + self._noise.drift_rad_per_m * length_m * drift
+        self._gone_m, self._turned_rad = self._gone_m + length_m, self._turned_rad + abs(turn)
         if self._gone_m >= MOVEMENT_M or self._turned_rad >= MOVEMENT_RAD:
             self._movement, self._gone_m, self._turned_rad = self._movement + 1, 0.0, 0.0
             self._errors = self._drawn()

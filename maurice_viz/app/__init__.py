@@ -10,11 +10,11 @@ drive/                 the simulated robot driven by keys, live
 diagnose, explain      why a run was lost; why a step came out as it did
 what_if, remedies      a saved run branched with a change; what would have helped. branch: where and how
 check/                 demands on many runs, for CI
-budget                 which part of a filter costs most accuracy
+trials                 filters tried with many seeds; budget: which part of a filter costs most accuracy
 inspect                what a recording holds, what is wrong with it (`doctor`), which formats there are;
                        what happened in a saved run (`events`)
 convert                recordings as logs or MCAP; saved runs for other tools (`export`)
 snapshot               pictures and movies of the viewer
 library, library_check building and tuning a library; how well it tells its places apart
-calibrate              the motion and the noise of a robot; calibrate_belief: whether clouds hold the truth
+calibrate              the motion and the noise of a robot; whether clouds hold the truth
 """

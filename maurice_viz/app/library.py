@@ -272,8 +272,8 @@ class _Tuning:
     @property
     def before(self) -> dict[str, float]:
         """What a unit of distance costs in the default blend, as far as the library has its channels."""
-        there = [name for name in DEFAULT_SENSOR.weights if name in self.library.index]
-        return {name: DEFAULT_SENSOR.weights[name] / DEFAULT_SENSOR.scale_of(name) for name in there}
+        channels = [name for name in DEFAULT_SENSOR.weights if name in self.library.index]
+        return {name: DEFAULT_SENSOR.weights[name] / DEFAULT_SENSOR.scale_of(name) for name in channels}
 
     @cached_property
     def sensor(self) -> SensorModel:
@@ -283,15 +283,15 @@ class _Tuning:
 
 
 def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tuple[str, ...]:
-    there = [name for name in library.index if name in CHANNELS]
+    known = [name for name in library.index if name in CHANNELS]
     if channels is None:
-        return tuple(there)
+        return tuple(known)
     wanted = tuple(dict.fromkeys(name.strip() for name in channels if name.strip()))
     for name in wanted:
         if name not in CHANNELS:
             raise OptionError(f"no channel called {name!r}; {expected_one_of(name, CHANNELS)}")
-        if name not in there:
-            raise InputError(path, f"holds {', '.join(there)}, and {name} is wanted; build the library again")
+        if name not in known:
+            raise InputError(path, f"holds {', '.join(known)}, and {name} is wanted; build the library again")
     if not wanted:
         raise OptionError("--channels names no channel")
     return wanted

@@ -91,12 +91,12 @@ def trials(
 def _made(plan: Plan, folder: Path, workers: int | None, listener: Listener) -> TrialsResult:
     """Make the runs that a folder does not hold yet. InputError where none could be made."""
     progress = progress_of(listener, NAME)
-    made = run_plan(plan, folder, workers=workers or os.cpu_count() or 1, resume=True, progress=progress)
+    outcome = run_plan(plan, folder, workers=workers or os.cpu_count() or 1, resume=True, progress=progress)
     runs = load_trials(folder).sort("variant", "session", "seed")
     if runs["error"].null_count() == 0:
-        raise InputError(None, f"no run could be made: {made.error or runs['error'][0]}")
-    if made.error is not None:
-        listener.warning(f"{made.failed:,} of {plan.runs:,} runs failed, the first: {made.error}")
+        raise InputError(None, f"no run could be made: {outcome.error or runs['error'][0]}")
+    if outcome.error is not None:
+        listener.warning(f"{outcome.failed:,} of {plan.runs:,} runs failed, the first: {outcome.error}")
     return TrialsResult(runs)
 
 

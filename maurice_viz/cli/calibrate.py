@@ -18,11 +18,12 @@ from maurice_mcl.fitting.statistics import LEAST_NORMAL_P, Fitted, Spread
 
 from ..app.calibrate import (
     MODELS,
+    CalibratedBelief,
+    calibrate_belief,
     calibrate_drive,
     calibrate_motion,
     calibrate_noise,
 )
-from ..app.calibrate_belief import CalibratedBelief, calibrate_belief
 from ..plots.calibration import expect_matplotlib
 from ..style import Units
 from .shared import options as opt

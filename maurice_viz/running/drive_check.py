@@ -43,7 +43,7 @@ def score_of(sensor: SensorModel, right_m: float, pictures: Sequence[DrivePictur
 def score_feature(library: Library, weights: Mapping[str, float], session: RecordedSession) -> DriveScore:
     """Score a drive's pictures that are not references themselves by a feature over a library."""
     sensor, right_m = _by_feature(library, weights)
-    score = score_of(sensor, right_m, _not_in(library, drive_pictures(session)))
+    score = score_of(sensor, right_m, _not_in(library, session.known_pictures(MOST_UPDATES)))
     return DriveScore(0, np.nan) if score is None else score
 
 

@@ -66,8 +66,8 @@ class Rows:
     def single(self, number: int) -> Rows:
         """Return one of the rows."""
         columns = {descriptor: column[number : number + 1] for descriptor, column in self.columns.items()}
-        there = {descriptor: column for descriptor, column in columns.items() if any(column)}
-        return Rows(self.timelines, [self.ats[number]], there)
+        present = {descriptor: column for descriptor, column in columns.items() if any(column)}
+        return Rows(self.timelines, [self.ats[number]], present)
 
 
 def in_order(blocks: list[Rows]) -> list[Rows]:
@@ -99,8 +99,8 @@ class ComponentLists:
         """Return lists, one per row; null where the component is not in the row."""
         present, gaps = [values for values in self.values if values is not None], None
         if len(present) < len(self.values):
-            there = np.packbits([values is not None for values in self.values], bitorder="little")
-            gaps = pa.py_buffer(there)
+            validity = np.packbits([values is not None for values in self.values], bitorder="little")
+            gaps = pa.py_buffer(validity)
         lengths = [0 if values is None else values.length for values in self.values]
         ends, inner = pa.py_buffer(np.cumsum([0, *lengths], dtype=np.int32)), joined(present)
         return pa.Array.from_buffers(pa.list_(inner.type), len(lengths), [gaps, ends], children=[inner])

@@ -175,11 +175,11 @@ class _Planned:
     def part(self, library: Library, confused: list[int]) -> None:
         """Propose places beside confused references, as far from all others as there is room."""
         for entry in confused:
-            there = np.vstack([library.poses, *(reference.pose[None] for reference in self.added)])
+            poses = np.vstack([library.poses, *(reference.pose[None] for reference in self.added)])
             free = self.standing[np.hypot(*(self.standing - library.poses[entry, :2]).T) <= self.spacing_m]
             if len(self.added) >= MOST_ADDED or not len(free):
                 continue
-            distance_m = _distance(there, free)
+            distance_m = _distance(poses, free)
             if distance_m.max() >= APART_SPACINGS * self.spacing_m:
                 self._add(free[distance_m.argmax()], np.ones(DIRECTIONS, bool), AMBIGUITY)
 

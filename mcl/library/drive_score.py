@@ -109,7 +109,7 @@ def score_drive(
 
     def at(some: Sequence[range]) -> list[_Stay]:
         compared.update((stay, compare(stay)) for stay in some if stay not in compared)
-        return [found for stay in some if (found := compared[stay]) is not None]
+        return [scored for stay in some if (scored := compared[stay]) is not None]
 
     chosen = _chosen(stays(np.array([picture.truth for picture in pictures]), right_m))
     quick = at(_some(chosen, LEAST_PICTURES))

@@ -116,24 +116,24 @@ def _told(value: Any, levels: int) -> Iterable[str]:
     """Yield texts that differ where two parts do: their sources, and the values that they hold."""
     if levels == 0:
         return
-    held: Iterable[Any] = ()
+    inner: Iterable[Any] = ()
     if isinstance(value, np.ndarray):
         yield f"{value.dtype} {value.shape} {sha256(np.ascontiguousarray(value).data).hexdigest()}"
     elif isinstance(value, Mapping):
-        held = chain.from_iterable(value.items())
+        inner = chain.from_iterable(value.items())
     elif isinstance(value, (list, tuple)):
-        held = value
+        inner = value
     elif isinstance(value, type) or inspect.isroutine(value):
         yield _source_of(value)
         cells = getattr(value, "__closure__", None) or ()
-        held = [*(cell.cell_contents for cell in cells), *(getattr(value, "__defaults__", None) or ())]
+        inner = [*(cell.cell_contents for cell in cells), *(getattr(value, "__defaults__", None) or ())]
     elif type(value).__module__ == "builtins" or isinstance(value, np.generic):
         yield repr(value)
     else:
         yield _source_of(type(value))
         slots = getattr(type(value), "__slots__", ())
-        held = [getattr(value, "__dict__", {}), [getattr(value, name, None) for name in slots]]
-    for part in held:
+        inner = [getattr(value, "__dict__", {}), [getattr(value, name, None) for name in slots]]
+    for part in inner:
         yield from _told(part, levels - 1)
 
 

@@ -25,6 +25,6 @@ def run_table(updates: int, **columns: Any) -> RunTable:
 
 def scored_table(scores: Sequence[StepScore], **columns: Any) -> RunTable:
     """A run of which each update has these errors and is as converged; None where the truth is not known."""
-    off = [(score.position_error_m, 0.0, score.heading_error_rad) for score in scores]
+    off = [(score.error_m, 0.0, score.heading_error_rad) for score in scores]
     converged = np.array([float(score.converged) for score in scores])
     return run_table(len(scores), truths=np.array(off, float).reshape(-1, 3), converged=converged, **columns)

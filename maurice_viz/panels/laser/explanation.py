@@ -111,8 +111,8 @@ def columns_of_scan(run: RunView, scene: Scene) -> rrb.Horizontal:
     paths = run.paths
     columns = [rrb.Vertical(here_view(run), _ranges_view(paths, "estimate"))]
     if scene.has_truth:
-        there = named_view("At the truth", paths.explain("scan", "truth"))
-        columns.append(rrb.Vertical(there, _ranges_view(paths, "truth")))
+        at_truth = named_view("At the truth", paths.explain("scan", "truth"))
+        columns.append(rrb.Vertical(at_truth, _ranges_view(paths, "truth")))
     return rrb.Horizontal(*columns)
 
 

@@ -311,7 +311,7 @@ def _graph(path: Path, content: bytes) -> _Graph:
     except (ValueError, IndexError, TypeError, KeyError):
         graph = []
     if not graph:
-        raise InputError(path, "is no ONNX file, or is cut off; docs/networks.md says how to export one")
+        raise InputError(path, "is no ONNX file, or is cut off; expected what torch.onnx.export writes")
     if any(tensor.get(TENSOR_LOCATION) == EXTERNAL for tensor in tensors):
         advice = "export it as one file (external_data=False)"
         raise InputError(path, f"its weights are in another file; {advice}")

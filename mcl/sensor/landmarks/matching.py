@@ -103,14 +103,14 @@ def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
     Returns the numbers of both and their distances.
     """
     other = product.argmax(axis=1)
-    one = np.flatnonzero(product.argmax(axis=0)[other] == np.arange(len(product)))
-    other, rows = other[one], product[one]
-    line = np.arange(len(one))
+    mutually = np.flatnonzero(product.argmax(axis=0)[other] == np.arange(len(product)))
+    other, rows = other[mutually], product[mutually]
+    line = np.arange(len(mutually))
     near = np.sqrt(np.maximum(2 - 2 * rows[line, other], 0))
     rows[line, other] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
     kept = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
-    return one[kept], other[kept], near[kept].astype(np.float32)
+    return mutually[kept], other[kept], near[kept].astype(np.float32)
 
 
 def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], ends: Ends) -> F64:

@@ -30,7 +30,7 @@ def test_it_localizes_and_its_run_is_saved_and_verified_in_another_process(drive
     filters = [mv.Filter(network, seed=1), mv.Filter("robust", feature=network), mv.Filter("color")]
     scores = mv.compare(drive, filters=filters, save_run=tmp_path / "kept")
     assert [run.label for run in scores.runs] == ["Small-Net", "robust", "color"]
-    assert max(run.score.position_error_mean_m for run in scores.runs[:2]) < 0.25
+    assert max(run.score.error_mean_m for run in scores.runs[:2]) < 0.25
     saved = open_run(tmp_path / "kept" / "Small-Net").configuration.values()
     assert saved["sensor.weights"] == {"small_net": 1.0}
     assert saved["sensor.channels"][0].startswith(f"{network}@")

@@ -200,7 +200,7 @@ def test_filters_are_named_by_what_tells_them_apart(drive):
     few = mv.Filter(particles=40)
     assert labels(few.set(seed=1), few.set(seed=2)) == ["seed 1", "seed 2"]
     assert labels(few.set(preset="thesis"), few.set(preset="robust")) == ["thesis", "robust"]
-    assert labels(few, few.set(sharpness=2)) == ["blended", "2"]
+    assert labels(few, few.set(sharpness=2)) == ["blended", "sharpness 2"]
 
 
 def test_a_channel_of_ones_own_is_measured_scaled_saved_verified_and_compared(drive, module, tmp_path):
