@@ -7,6 +7,7 @@
 * `tally`: what a row tells of a run, and of the truth along its drive
 * `statistics`, `table`: intervals, survival curves, grouped figures, paired differences
 * `folder`: the run behind a row; `atlas`, `budget`: where runs go wrong, and what each part costs
+* `recognition`: how often a drive's pictures find the right reference
 
 The drawings and pages of what trials show are in `maurice_viz`; the thesis's figures in `benchmarks/thesis`.
 """

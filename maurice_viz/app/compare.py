@@ -24,7 +24,7 @@ from ..running.filters import AnyFilter, AnySource, Filter, filter_of, names_of,
 from ..running.output import Output, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
-from ..running.source import Kind, LiveOptions, Request, kind_of_source
+from ..running.source import LiveOptions, Request, SourceKind, kind_of_source
 from ..scene import RunView, Scene
 from .convert import only_run
 from .replay import replay_source
@@ -71,7 +71,7 @@ def compare(
     live = live or LiveOptions()
     kinds = {kind_of_source(source, live) for source in sources}
     request = Request(sources[0], library, specs, output, reading or Reading(), live, listener, report)
-    if len(sources) > 1 or Kind.SAVED in kinds:
+    if len(sources) > 1 or SourceKind.SAVED in kinds:
         playback = _separate(sources, kinds, request)
         labels = [run.label for run in playback.views] if output.stem == SEVERAL else []
         return play(playback, output.named(labels), listener, report=report)
@@ -82,10 +82,10 @@ def compare(
     return replay_source(replace(request, specs=specs))
 
 
-def _separate(sources: Sequence[AnySource], kinds: Set[Kind], request: Request) -> Playback:
+def _separate(sources: Sequence[AnySource], kinds: Set[SourceKind], request: Request) -> Playback:
     """Prepare saved runs, or sessions that are replayed with one filter. InputError, OptionError."""
     specs, has_folder = request.specs, request.output.folder is not None
-    if Kind.SAVED in kinds:
+    if SourceKind.SAVED in kinds:
         if len(kinds) > 1:
             raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
         if specs or request.library is not None or has_folder or request.reading != Reading():
@@ -94,7 +94,7 @@ def _separate(sources: Sequence[AnySource], kinds: Set[Kind], request: Request) 
         _check_count(len(sources), fewest=1)
         return _saved_playback([Path(str(source)) for source in sources], request.listener)
     _check_count(len(sources))
-    if Kind.LIVE in kinds:
+    if SourceKind.LIVE in kinds:
         raise OptionError("a live source is compared alone, with several filters; several were named")
     if has_folder:
         advice = "replay each with --save-run, then compare"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_datasets.trials.recognition import PlaceRecognition
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.libraries.completed import with_channels
@@ -30,7 +31,6 @@ from ..running.filters import Filter
 from ..running.open import library_at, open_session
 from ..style import scale_for
 from ..text.library import say_places
-from .found_again import FoundAgain
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 
@@ -47,7 +47,7 @@ class LibraryCheck:
     wanted_m: float  # between places: as they are, or nearer where they are too sparse
     weights: Mapping[str, float]  # of the channels that are compared
     drive: DriveScore | None = None  # what a drive's pictures say about it; None: no drive was given
-    found: FoundAgain | None = None  # which references those pictures find
+    found: PlaceRecognition | None = None  # which references those pictures find
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
@@ -190,7 +190,7 @@ def check_library(
     found = None
     if recorded is not None:
         retrieval = look_up_drive(opened, weights, recorded, progress_of(listener, "look up"))
-        found = FoundAgain.of(retrieval, list(weights))
+        found = PlaceRecognition.of(retrieval, list(weights))
     check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, weights, of_drive, found)
     if to is not None:
         check.draw(to, force=force)

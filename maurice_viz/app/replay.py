@@ -21,7 +21,7 @@ from ..running.live import follow_source
 from ..running.output import Output, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.saving import Inputs, filters_to_save, saving
-from ..running.source import Kind, LiveOptions, Request, kind_of_source
+from ..running.source import LiveOptions, Request, SourceKind, kind_of_source
 from ..scene import RunView, Scene
 
 
@@ -92,7 +92,7 @@ def _replay_as_recorded(request: Request) -> RunScores:
         raise OptionError(f"--as-recorded runs no filter: {only}")
     if (
         not isinstance(request.source, (str, Path))
-        or kind_of_source(request.source, request.live) is Kind.LIVE
+        or kind_of_source(request.source, request.live) is SourceKind.LIVE
     ):
         raise OptionError("--as-recorded reads a bag that is finished, not a live source")
     if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
@@ -202,11 +202,11 @@ def _replay_own(request: Request) -> RunScores:
     return play(playback, request.output.named(words_of(request.specs)), listener, report=request.report)
 
 
-WAYS: Mapping[Kind, Callable[[Request], RunScores]] = {
-    Kind.SESSION: _replay_session,
-    Kind.SAVED: _replay_saved,
-    Kind.LIVE: follow_source,
-    Kind.OWN: _replay_own,
+WAYS: Mapping[SourceKind, Callable[[Request], RunScores]] = {
+    SourceKind.SESSION: _replay_session,
+    SourceKind.SAVED: _replay_saved,
+    SourceKind.LIVE: follow_source,
+    SourceKind.OWN: _replay_own,
 }
 
 

@@ -12,12 +12,12 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from maurice_datasets.trials.recognition import FIRST, PlaceRecognition
 from maurice_mcl.library.advice import AMBIGUITY, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library.quality import Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values import ChannelIndex, Library
 
-from ..app.found_again import FIRST, FoundAgain, say_found
 from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
 from ..app.library_check import LibraryCheck, check_library
@@ -25,7 +25,7 @@ from ..running.open import library_at
 from ..running.output import by_suffix
 from ..style import Scale, scale_for, units_named
 from ..text.explanation import SHARES, say_times
-from ..text.library import drive_score_of, say_drive, say_places, scores_of
+from ..text.library import drive_score_of, say_drive, say_places, say_recognition, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
@@ -244,7 +244,7 @@ def _print(report: LibraryCheck) -> None:
     if report.drive is not None and report.found is not None:
         if report.found.right:
             results.print(_found_table(report.found, scale))
-        lines += [*say_drive(name, weights, report.drive), *say_found(report.found)]
+        lines += [*say_drive(name, weights, report.drive), *say_recognition(report.found)]
     lines += _gap_lines(report.coverage, scale)
     lines += _pair_lines(report.library, report.similarity, scale)
     lines += (*_missing_lines(report.advice, scale), *_add_lines(report.advice, scale))
@@ -252,7 +252,7 @@ def _print(report: LibraryCheck) -> None:
         results.say(line)
 
 
-def _found_table(found: FoundAgain, scale: Scale) -> Table:
+def _found_table(found: PlaceRecognition, scale: Scale) -> Table:
     within = f"within {scale.say(found.right_m)} and 30 deg of the true pose"
     of = f"{found.right} of {found.pictures} pictures, in {found.stretches} stretches of the drive"
     table = Table(title="a right reference is found", title_justify="left", caption_justify="left")

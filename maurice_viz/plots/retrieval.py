@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..app.found_again import Found, FoundAgain
+from maurice_datasets.trials.recognition import ChannelRecall, PlaceRecognition
+
 from .calibration import dress, expect_matplotlib, save
 
 RANKS = 25  # references along the axis
 OTHERS = "#B8BEC8"  # of channels that are not in use
 
 
-def draw_retrieval(found: FoundAgain, name: str, file: Path, *, force: bool) -> None:
+def draw_retrieval(found: PlaceRecognition, name: str, file: Path, *, force: bool) -> None:
     """Draw both figures beside each other. InputError where matplotlib is missing, and for another ending."""
     expect_matplotlib(file)
     from matplotlib.figure import Figure
@@ -35,7 +36,7 @@ def draw_retrieval(found: FoundAgain, name: str, file: Path, *, force: bool) -> 
     save(drawing, file, force=force)
 
 
-def _look(way: Found, number: int) -> dict[str, object]:
+def _look(way: ChannelRecall, number: int) -> dict[str, object]:
     label = f"{way.name}: area {way.area.value:.2f}"
     if not way.is_used:
         return {"label": label, "color": OTHERS, "linewidth": 1.0}

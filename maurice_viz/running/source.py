@@ -36,7 +36,7 @@ class LiveOptions:
     on_lost: str | None = None  # a command to run at each loss, without a shell
 
 
-class Kind(Enum):
+class SourceKind(Enum):
     """What a source is."""
 
     SESSION = "a recording"  # of any format, or an opened one
@@ -45,16 +45,16 @@ class Kind(Enum):
     OWN = "a session of the caller's own"
 
 
-def kind_of_source(source: AnySource, live: LiveOptions) -> Kind:
+def kind_of_source(source: AnySource, live: LiveOptions) -> SourceKind:
     """Return what a source is. OptionError where it is not live, and options of listening are given."""
     if isinstance(source, (str, Path)) and (live.follow or is_live(source)):
-        return Kind.LIVE
+        return SourceKind.LIVE
     if live != LiveOptions():
         given = "--capture, --keep-up, --every-picture and --patience need a live source"
         raise OptionError(f"{given}: -, tcp://, ws://, cmucam://, or a file with --follow")
     if isinstance(source, (str, Path)):
-        return Kind.SAVED if is_saved(Path(source)) else Kind.SESSION
-    return Kind.SESSION if isinstance(source, RecordedSession) else Kind.OWN
+        return SourceKind.SAVED if is_saved(Path(source)) else SourceKind.SESSION
+    return SourceKind.SESSION if isinstance(source, RecordedSession) else SourceKind.OWN
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
+from maurice_datasets.trials.recognition import PlaceRecognition
 from maurice_mcl.library.drive_score import DriveScore
 from maurice_mcl.library.left_out import PlaceScore
 
@@ -76,3 +77,17 @@ def say_drive(
         yield f"{text}; the scales are widened by {score.widening:g}; {keep}"
     else:
         yield f"{text}; the camera is not used (the scales are widened by {score.widening:g}); {keep}"
+
+
+def say_recognition(recognition: PlaceRecognition) -> Iterator[str]:
+    """Yield what the user should know about a drive's pictures: what was asked, and which channel hurts."""
+    if not recognition.right:
+        yield f"found: none of {recognition.pictures} pictures has a reference near its true pose"
+        return
+    first = recognition.ways[0].recall[1].value
+    for name in recognition.hurting or filter(None, [recognition.worst]):
+        gain = recognition.without[name]
+        hurts, chance = ("hurts", "") if gain.low > 0 else ("may hurt", ", which may be chance")
+        share_without = f"without it {first + gain.value:.0%} of the pictures find a right reference first"
+        points = f"{gain.text(100, 0, '+')} points{chance}"
+        yield f"{name} {hurts}: {share_without} instead of {first:.0%} ({points})"

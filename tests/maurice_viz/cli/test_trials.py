@@ -44,7 +44,7 @@ def test_a_row_has_the_figures_of_a_replay(small_session: Path, tmp_path: Path) 
         )
         score = scores.runs[0].score
         assert row["error_mean_m"] == score.error_mean_m
-        assert row["heading_error_rad"] == score.heading_error_mean_rad
+        assert row["heading_error_mean_rad"] == score.heading_error_mean_rad
         assert row["heading_error_median_rad"] == score.heading_error_median_rad
         assert row["wrong_confident"] == score.wrong_confident_share
         assert row["lost"] == score.lost

@@ -17,6 +17,7 @@ import pytest
 import maurice_mcl as mcl
 import maurice_viz as mv
 from helpers.commands import maurice
+from maurice_datasets.trials.recognition import PlaceRecognition
 from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import ALPHAS, PRESETS, Layer, configure
@@ -32,9 +33,8 @@ from maurice_mcl.values.geometry import motion_between, wrap
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
-from maurice_viz.app.found_again import FoundAgain, say_found
 from maurice_viz.running.drive_check import suited
-from maurice_viz.text.library import say_drive
+from maurice_viz.text.library import say_drive, say_recognition
 
 START = np.array([0.4, 0.9, 0.2])
 
@@ -164,17 +164,19 @@ def test_the_channel_that_hurts_is_named():
     wrong = Ranking(np.full(60, 40, np.int32), np.arange(60.0))
     mixed = Ranking(np.where(np.arange(60) % 3, 40, 1).astype(np.int32), np.arange(60.0))
     alone, without = {"color": right, "edges": wrong}, {"color": wrong, "edges": right}
-    found = FoundAgain.of(Retrieval(alone, mixed, without, np.arange(60) // 3, 60, 0.5), ["color", "edges"])
+    found = PlaceRecognition.of(
+        Retrieval(alone, mixed, without, np.arange(60) // 3, 60, 0.5), ["color", "edges"]
+    )
     assert (found.worst, found.hurting) == ("edges", ("edges",))
-    (line,) = say_found(found)
+    (line,) = say_recognition(found)
     assert line.startswith(
         "edges hurts: without it 100% of the pictures find a right reference first instead"
     )
     few = Retrieval(alone, mixed, without, np.arange(60) // 30, 60, 0.5)
-    (line,) = say_found(FoundAgain.of(few, ["color", "edges"]))
+    (line,) = say_recognition(PlaceRecognition.of(few, ["color", "edges"]))
     assert "may hurt" in line, "two stretches are two pictures"
     helps = Retrieval(alone, right, {"color": wrong, "edges": right}, np.arange(60), 60, 0.5)
-    assert list(say_found(FoundAgain.of(helps, ["color", "edges"]))) == []
+    assert list(say_recognition(PlaceRecognition.of(helps, ["color", "edges"]))) == []
 
 
 OLIN = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "olin"

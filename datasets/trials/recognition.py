@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.statistics import Clusters, Interval, jackknife, rate_difference, share
 from maurice_mcl.library.retrieval import TOGETHER, Ranking, Retrieval, area_of
 from maurice_mcl.values import plain, plain_value
+
+from .statistics import Clusters, Interval, jackknife, rate_difference, share
 
 FIRST = (1, 5, 10)  # references among which the right one is asked for
 MOST_POINTS = 200  # of a curve in JSON
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class ChannelRecall:
     """How often one way to compare finds the right reference."""
 
     name: str  # a channel, or all in use together
@@ -46,10 +47,10 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundAgain:
+class PlaceRecognition:
     """What a drive's pictures find in a library: by each channel alone, and by those in use together."""
 
-    ways: tuple[Found, ...]  # all together first, then those in use, then what the library also holds
+    ways: tuple[ChannelRecall, ...]  # all together first, then those in use, then what the library also holds
     without: Mapping[str, Interval]  # channel in use to what recall at 1 gains without it
     pictures: int  # that were looked up
     right: int  # of these, those that have a right reference: all figures are of these
@@ -57,14 +58,14 @@ class FoundAgain:
     right_m: float
 
     @classmethod
-    def of(cls, retrieval: Retrieval, used: Sequence[str]) -> FoundAgain:
+    def of(cls, retrieval: Retrieval, used: Sequence[str]) -> PlaceRecognition:
         """Return the figures of a drive that was looked up; intervals are by stretch of the drive."""
         alike = Clusters.of(retrieval.stretch, retrieval.stretch)
         names = sorted(retrieval.alone, key=lambda name: name not in used)
         every = {TOGETHER: retrieval.together} if len(used) > 1 else {}
         every |= {name: retrieval.alone[name] for name in names}
         ways = tuple(
-            _found(name, name in (*used, TOGETHER), ranking, alike) for name, ranking in every.items()
+            _recall_of(name, name in (*used, TOGETHER), ranking, alike) for name, ranking in every.items()
         )
         first = retrieval.together.among(1)
         without = {
@@ -100,24 +101,10 @@ class FoundAgain:
         }
 
 
-def _found(name: str, is_used: bool, ranking: Ranking, alike: Clusters) -> Found:
+def _recall_of(name: str, is_used: bool, ranking: Ranking, alike: Clusters) -> ChannelRecall:
     recall = {first: share(ranking.among(first), alike) for first in FIRST}
     area = jackknife(lambda used: area_of(ranking[used]), alike)
     area = replace(area, low=max(area.low, 0.0), high=min(area.high, 1.0))  # NaN stays
     ranks = ranking.rank
     middle, most = np.quantile(ranks, (0.5, 0.9)).tolist() if len(ranks) else (np.nan, np.nan)
-    return Found(name, is_used, recall, area, middle, most, ranking)
-
-
-def say_found(found: FoundAgain) -> Iterator[str]:
-    """Yield what the user should know about a drive's pictures: what was asked, and which channel hurts."""
-    if not found.right:
-        yield f"found: none of {found.pictures} pictures has a reference near its true pose"
-        return
-    first = found.ways[0].recall[1].value
-    for name in found.hurting or filter(None, [found.worst]):
-        gain = found.without[name]
-        hurts, chance = ("hurts", "") if gain.low > 0 else ("may hurt", ", which may be chance")
-        share_without = f"without it {first + gain.value:.0%} of the pictures find a right reference first"
-        points = f"{gain.text(100, 0, '+')} points{chance}"
-        yield f"{name} {hurts}: {share_without} instead of {first:.0%} ({points})"
+    return ChannelRecall(name, is_used, recall, area, middle, most, ranking)
