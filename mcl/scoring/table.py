@@ -212,16 +212,14 @@ class RunTable:
     def states(self) -> tuple[str, ...]:
         """The localization status (U,): keys of STATES."""
         unknown, converged = ~self.known, self.is_converged
-        holds = (
-            unknown & self.doubted,
-            unknown & converged,
-            unknown,
-            self.is_localized,
-            self.is_lost,
-            converged,
-        )
-        names = (PROBABLY_LOST, CONVERGED, SPREAD, LOCALIZED, LOST, WRONG)
-        return tuple(np.select(holds, names, SEARCHING).tolist())
+        states = np.full(self.updates, SEARCHING, object)
+        states[converged] = WRONG  # of several that hold the last
+        states[self.is_lost] = LOST
+        states[self.is_localized] = LOCALIZED
+        states[unknown] = SPREAD
+        states[unknown & converged] = CONVERGED
+        states[unknown & self.doubted] = PROBABLY_LOST
+        return tuple(states.tolist())
 
     @property
     def spread_m(self) -> F64:
