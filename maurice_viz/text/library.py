@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
-from maurice_datasets.trials.recognition import PlaceRecognition
 from maurice_mcl.library.drive_score import DriveScore
 from maurice_mcl.library.left_out import PlaceScore
+
+if TYPE_CHECKING:
+    from maurice_datasets.trials.recognition import PlaceRecognition
 
 WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
 ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"
