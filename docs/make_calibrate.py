@@ -36,7 +36,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         write_trials(folder / "trials.csv", calibration_drive(0, TrialPlan(41, 41)))
-        calibrate("motion", folder / "trials.csv", "--plots", folder)
+        calibrate("motion", folder / "trials.csv", "-o", folder)
         calibrate("noise", demo_paths(0).survey, "-o", folder / "noise.png")
         for number in ("05", "10"):
             (drawn,) = folder.glob(f"figure-{number}-*.png")

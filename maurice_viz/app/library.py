@@ -248,7 +248,7 @@ def tune(
     result = _tuned(tuning, fit, test)
     if not test:
         where = "the drives fitted on" if fit else "the library itself"
-        listener.warning(f"scored on {where}, which flatters; --score a drive that was not fitted on")
+        listener.warning(f"scored on {where}, which flatters; --drive names one that was not fitted on")
     if to is not None:
         writing.write_whole(Path(to), result.to_toml().encode(), force=force)
     return result

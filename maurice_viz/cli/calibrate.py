@@ -25,6 +25,7 @@ from ..app.calibrate import (
     calibrate_noise,
 )
 from ..plots.calibration import expect_matplotlib
+from ..running.output import by_suffix
 from ..style import Units
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -38,9 +39,11 @@ def motion(
         Path,
         argument("TRIALS.csv", "A table of trials: what was measured, and what the robot really did."),
     ],
-    output: Annotated[Path | None, opt.writes("OUT.toml", "Write the parameters here.")] = None,
-    plots: Annotated[
-        Path | None, option("--plots", "Draw the thesis's figures 4 to 11.", metavar="DIR")
+    outputs: Annotated[
+        list[Path] | None,
+        opt.writes(
+            "OUT.toml|DIR", "OUT.toml: the parameters. DIR: the thesis's figures 4 to 11. Repeatable."
+        ),
     ] = None,
     unit: Annotated[
         str, option("--unit", "Unit of the lengths in a CSV.", **opt.one_of(LENGTHS, "unit of lengths"))
@@ -50,6 +53,7 @@ def motion(
 ) -> None:
     """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2)."""
     with listening() as listener:
+        output, plots = map(by_suffix(outputs, (".toml", "")).get, (".toml", ""))
         if plots is not None:
             expect_matplotlib(plots)
         fitted = calibrate_motion(source, unit=unit, to=output, force=force, listener=listener)

@@ -372,7 +372,7 @@ def tune(
     ] = None,
     score: Annotated[
         list[Path] | None,
-        option("--score", "A drive with truth to score on; may be repeated.", metavar="DRIVE"),
+        option("--drive", "A drive with truth to score on; may be repeated.", metavar="DRIVE"),
     ] = None,
     channels: Annotated[
         str | None, option("--channels", "Channels to fit. [default: all of the library]", metavar="A,B,C")

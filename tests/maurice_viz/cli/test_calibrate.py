@@ -104,7 +104,7 @@ def test_a_drive_that_goes_straight_says_what_it_cannot_tell(tmp_path):
 @pytest.mark.slow
 def test_all_eight_figures_are_drawn_without_a_display(table, tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":987")  # nothing is there; nothing must ask
-    calibrate("motion", table, "--plots", tmp_path / "figures")
+    calibrate("motion", table, "-o", tmp_path / "figures")
     files = sorted((tmp_path / "figures").iterdir())
     assert [f.name for f in files] == [f"figure-{n:02d}-{name}.png" for n, name in FIGURES.items()]
     for file in files:
@@ -112,8 +112,8 @@ def test_all_eight_figures_are_drawn_without_a_display(table, tmp_path, monkeypa
         assert min(picture.shape[:2]) > 400
         colors = (picture.reshape(-1, 3) // 64).astype(int) @ [16, 4, 1]
         assert len(np.unique(colors)) > 3, file
-    assert "--force" in refused("motion", table, "--plots", tmp_path / "figures")
-    calibrate("motion", table, "--plots", tmp_path / "figures", "--force")
+    assert "--force" in refused("motion", table, "-o", tmp_path / "figures")
+    calibrate("motion", table, "-o", tmp_path / "figures", "--force")
 
 
 def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path):
@@ -123,7 +123,7 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path):
     ]
     file = tmp_path / "many.csv"
     file.write_text("kind,measured,actual,heading_error_deg,floor\n" + "\n".join(rows))
-    done = calibrate("motion", file, "--plots", tmp_path / "figures")
+    done = calibrate("motion", file, "-o", tmp_path / "figures")
     assert "most turns go one way" in done.stderr
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
@@ -140,7 +140,7 @@ def test_notes_tell_of_outliers(tmp_path):
 
 def test_a_missing_extra_is_one_line_with_the_command(table, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "--plots", tmp_path / "f")
+    assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "-o", tmp_path / "f")
     assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "-o", tmp_path / "n.png")
     calibrate("motion", table)
 

@@ -53,7 +53,7 @@ def test_a_session_scored_on_may_not_be_fitted_on_under_any_name(small_session, 
     copy = tmp_path / "other-name.log"
     shutil.copy(small_session, copy)
     for scored in (small_session, copy):
-        done = _tune(survey, small_session, "--score", scored, expect=1)
+        done = _tune(survey, small_session, "--drive", scored, expect=1)
         assert done.stderr.startswith(f"maurice-replay: {scored}: is ")
         assert len(done.stderr.splitlines()) == 1
 
@@ -62,7 +62,7 @@ def test_scored_sessions_are_pooled(small_session, survey, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     other = tmp_path / "short.log"
     other.write_text("".join(lines[:13]))
-    args = [survey, small_session, "--channels", "color,edges", "--score", other, "--json"]
+    args = [survey, small_session, "--channels", "color,edges", "--drive", other, "--json"]
     done = _tune(*args)
     found = json.loads(done.stdout)
     assert found["scored_on"] == ["short.log"]
@@ -77,7 +77,7 @@ def test_bad_input_is_one_line(small_session, survey, tmp_path):
     for args, expected in (
         ([survey, truthless], "found no picture with a true pose"),
         ([survey, tmp_path / "none.log"], "No such file"),
-        ([survey, "--score", tmp_path / "none.log"], "No such file"),
+        ([survey, "--drive", tmp_path / "none.log"], "No such file"),
         ([survey, survey], "found a survey log, expected a session log"),
     ):
         done = _tune(*args, expect=1)

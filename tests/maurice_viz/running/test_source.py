@@ -10,7 +10,7 @@ import maurice_viz as mv
 from maurice_loaders.formats.registry import open_session
 from maurice_mcl.values import SessionInfo
 from maurice_viz.errors import OptionError
-from maurice_viz.running.source import Kind, kind_of_source
+from maurice_viz.running.source import SourceKind, kind_of_source
 
 FEW = mv.Filter(particles=30)
 
@@ -33,13 +33,13 @@ def saved(small_session: Path) -> Path:
 
 def test_a_source_is_of_one_kind(small_session: Path, saved: Path) -> None:
     usual, followed = mv.LiveOptions(), mv.LiveOptions(follow=True)
-    assert kind_of_source(small_session, usual) is Kind.SESSION
-    assert kind_of_source(open_session(small_session), usual) is Kind.SESSION
-    assert kind_of_source(str(saved), usual) is Kind.SAVED
-    assert kind_of_source(small_session, followed) is Kind.LIVE
+    assert kind_of_source(small_session, usual) is SourceKind.SESSION
+    assert kind_of_source(open_session(small_session), usual) is SourceKind.SESSION
+    assert kind_of_source(str(saved), usual) is SourceKind.SAVED
+    assert kind_of_source(small_session, followed) is SourceKind.LIVE
     for address in ("-", "tcp://robot:5555", "ws://robot", "cmucam:///dev/ttyUSB0"):
-        assert kind_of_source(address, mv.LiveOptions(patience_s=1.0)) is Kind.LIVE
-    assert kind_of_source(Own(), usual) is Kind.OWN  # type: ignore[arg-type]  # its moments are a list
+        assert kind_of_source(address, mv.LiveOptions(patience_s=1.0)) is SourceKind.LIVE
+    assert kind_of_source(Own(), usual) is SourceKind.OWN  # type: ignore[arg-type]  # its moments are a list
 
 
 def test_options_of_listening_are_refused_wherever_nothing_is_listened_to(
