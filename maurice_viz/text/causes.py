@@ -333,8 +333,6 @@ CLAUSES: Mapping[str, Clause] = {
 
 # Incidents: what befell the robot or its camera.
 
-ROBOT_KIDNAPPED = "The robot was kidnapped"
-
 
 def say_incident(incident: Incident, scale: Scale) -> str:
     """Return what befell the robot or its camera: "The wheels slipped at step 34: odometry says ..."."""
@@ -350,7 +348,8 @@ def say_incident(incident: Incident, scale: Scale) -> str:
     if incident.kind == kinds.JUMPED:
         return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
     if incident.kind == kinds.CARRIED:
-        return f"{ROBOT_KIDNAPPED} at {at} (carried {actual}, unseen by its odometry)"
+        by = "as the log says" if incident.actual is None else f"carried {actual}, unseen by its odometry"
+        return f"The robot was kidnapped at {at} ({by})"
     if incident.kind == kinds.TURNED:
         turned = incident.words.removeprefix("slip ")
         return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"

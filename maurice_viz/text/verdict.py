@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import BEFALLING, UNKNOWN
+from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
@@ -218,8 +218,9 @@ def off_at(end: StepScore | None, scale: Scale) -> str:
 def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
     """Return what happened, a sentence each: to the robot, then how and why each run was wrong."""
     runs = verdicts.values()
-    named = {failure.first for run in runs for failure in run.failures if failure.kind in BEFALLING}
-    incidents = dict.fromkeys(i for run in runs for i in run.telling_incidents if i.step not in named)
+    told = {(failure.kind, failure.first) for run in runs for failure in run.failures}  # with its numbers
+    befell = dict.fromkeys(incident for run in runs for incident in run.telling_incidents)
+    incidents = [incident for incident in befell if (incident.about.cause, incident.step) not in told]
     lines = [f"{capital(say_incident(incident, scale))}." for incident in incidents]
     for label, verdict in verdicts.items():
         name = f"`{label}`: " if len(verdicts) > 1 else ""

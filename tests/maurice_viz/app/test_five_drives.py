@@ -33,7 +33,7 @@ def judged(tmp_path_factory):
 
 def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
     line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
-    assert re.search(r"kidnapped at step 13 .*[\d.]+ in.*odometry", line)
+    assert len(re.findall(r"carried [\d.]+ in at step 13, unseen by its odometry", line)) == 1
     assert verdict.decisive == 13
 
 

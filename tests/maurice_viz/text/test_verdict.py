@@ -8,7 +8,9 @@ from helpers import expect_facts
 from maurice_mcl.reasons.causes import (
     AMBIGUITY,
     CARRIED,
+    KIDNAPPED,
     LIBRARY_GAP,
+    MOTION,
     PROPOSAL,
     SENSOR,
     UNKNOWN,
@@ -96,6 +98,31 @@ def test_what_befell_the_robot_is_told_once_and_what_a_run_did_by_its_name():
     twins = replace(GOOD, failures=unknown(STAYS), incidents=SURE.incidents)
     lines = account({"a": twins, "b": replace(GOOD, incidents=SURE.incidents)}, INCHES)
     assert [line[:4] for line in lines] == ["The ", "`a`:"]
+
+
+JUMP = {"jump_m": 0.4, "within_s": 0.5}
+WAY = 76.7 * INCH_M
+
+
+@pytest.mark.parametrize(
+    ("kind", "evidence"),
+    [
+        (KIDNAPPED, {"moved_m": WAY, "driven_m": 0.1}),
+        (MOTION, JUMP),  # at the same step, by which it is told why the run was lost
+        (UNKNOWN, {}),
+    ],
+)
+def test_how_far_the_robot_was_carried_is_told_once_whatever_the_cause_is(kind, evidence):
+    failures = (Failure(kind, STAYS.onset, STAYS, evidence),)
+    lost = replace(SURE, failures=failures, incidents=(Incident(CARRIED, 61, 61, None, WAY),))
+    for verdicts in ({"a": lost}, {"a": lost, "b": replace(lost, failures=(), episodes=())}):
+        text = " ".join(account(verdicts, INCHES))
+        assert text.count("carried 76.7 in") == text.count("unseen by its odometry") == 1
+
+
+def test_how_far_the_robot_was_carried_is_not_said_where_no_truth_tells():
+    (line,) = account({"a": replace(BACK, incidents=(Incident(CARRIED, 61, 61),))}, INCHES)
+    assert line == "The robot was kidnapped at step 61 (as the log says)."
 
 
 def test_a_sure_run_lacks_particles_only_where_it_did_at_that_step():
