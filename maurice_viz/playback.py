@@ -15,6 +15,7 @@ from maurice_mcl.reasons.rivals import with_rivals
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.scoring.comparison import ComparisonResult, Step, compare, parting
+from maurice_mcl.scoring.episodes import RunSoFar
 from maurice_mcl.scoring.events import RunEvent, Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, score_table
@@ -157,6 +158,10 @@ class ResultCollector:
     def _of_first_drive(self) -> list[str]:
         return [label for label in self._verdicts if label not in self._other_drives]
 
+    def run(self, label: str) -> RunSoFar:
+        """Return a run up to now, for those who draw it or tell its events."""
+        return self._verdicts[label].run
+
     def table(self, label: str) -> RunTable:
         """Return a run as a table, up to now."""
         return self._verdicts[label].table
@@ -170,7 +175,7 @@ class ResultCollector:
         took_s, table = self._took_s[label], self.table(label)
         score = score_table(table, self._arena_m)
         per_s = score.updates / took_s if took_s > 0 else None
-        signal = self._verdicts[label].signal.summary()
+        signal = self.run(label).signal.summary()
         result = RunResult(label, score, per_s, verdict, table.radii, signal=signal, table=table)
         if label == self._first:
             return result

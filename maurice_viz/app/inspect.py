@@ -19,8 +19,9 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import Reading, write_reading
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.scoring.comparison import parting
+from maurice_mcl.scoring.episodes import RunSoFar
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
-from maurice_mcl.scoring.table import RunTable, TableRows
+from maurice_mcl.scoring.table import RunTable
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values import Library, Moment, StepRecord, expected_one_of, plain
 
@@ -222,11 +223,11 @@ class _Watched:
 
     @classmethod
     def of(cls, run: SavedRun) -> _Watched:
-        detector, rows, events = EventDetector(_scale(run).say), TableRows(), list[RunEvent]()
+        detector, so_far, events = EventDetector(_scale(run).say), RunSoFar(), list[RunEvent]()
         for moment, record in _updates(run):
-            events += detector.see(moment, record)
-            rows.add(moment, record)
-        return cls(run, rows.table(), events)
+            so_far.add(moment, record)
+            events += detector.see(moment, record, so_far)
+        return cls(run, so_far.rows.table(), events)
 
     @property
     def label(self) -> str:

@@ -171,7 +171,7 @@ class Live:
             light = self._detail is Detail.LIGHT
             self._rec.send_blueprint(layout_of([self._view], scene, light=light))
             self._observer = SceneObserver(self._rec, [self._view], scene, self._detail)
-        self._observer.see(steps, self._collector.verdicts)
+        self._observer.see(steps, self._collector)
 
     @property
     def table(self) -> RunTable:

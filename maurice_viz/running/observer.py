@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import rerun as rr
 
-from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import Step
+from maurice_mcl.scoring.episodes import RunSoFar
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.values import F64, Moment, StepRecord
 
@@ -20,7 +20,7 @@ from ..panels.events import LanesDrawing
 from ..panels.panel import StepUpdate, set_phase
 from ..panels.registry import panels_of
 from ..panels.story import VerdictDrawing
-from ..playback import RunResult
+from ..playback import ResultCollector, RunResult
 from ..scene import Detail, RunView, Scene
 
 UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
@@ -94,10 +94,13 @@ class RerunObserver:
         for panel in self.panels:
             panel.prepare(rec)
 
-    def see(self, moment: Moment, record: StepRecord) -> StepUpdate:
-        """Log one update, phase by phase, and return it; with the detail "events" it is logged two later."""
+    def see(self, moment: Moment, record: StepRecord, run: RunSoFar | None = None) -> StepUpdate:
+        """Log one update, phase by phase, and return it; with the detail "events" it is logged two later.
+
+        `run` is what a collector has of it; None: nothing else follows the run.
+        """
         detector = self._detector
-        events = detector.see(moment, record)
+        events = detector.see(moment, record, run)
         update = StepUpdate(moment, record, events, detector.state, detector.knows, detector.modes)
         for ready in self._filter.see(update):
             self._draw(ready)
@@ -141,17 +144,17 @@ class SceneObserver:
         self.most_not_lost_m = 0.0  # the largest of errors that do not count as lost
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
-    def see(self, steps: Mapping[str, Step], verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
-        """Log one update of every run, and for a live drive the verdict."""
+    def see(self, steps: Mapping[str, Step], collector: ResultCollector) -> None:
+        """Log one update of every run, which the collector has, and for a live drive the verdict."""
         for moment, record in steps.values():
             if moment.truth is not None:
                 self._see_length(record.estimate.pose[:2] - moment.truth[:2], record.estimate.radii.lost_m)
             elif not self._scene.has_truth:
                 self._see_length(record.mean_estimate.sd_m)
-        self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
+        self._lanes.see([run.see(*steps[label], collector.run(label)) for label, run in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps)
-        self._verdict.see(steps, verdicts)
+        self._verdict.see(steps, collector.verdicts)
         if self._scene.live:
             self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
 

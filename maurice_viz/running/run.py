@@ -210,7 +210,7 @@ def step_through(
                     for label, writer in writers.items():
                         writer.add(*steps[label])
                     if observer is not None and playback.draws(steps):
-                        observer.see(steps, collector.verdicts)
+                        observer.see(steps, collector)
                 listener.progress(collector.updates, playback.total, "replay")
                 if playback.watch is not None:
                     playback.watch.see(steps, collector)

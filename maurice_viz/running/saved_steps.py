@@ -163,7 +163,7 @@ def collect(
         scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
-            events[label].extend(detectors[label].see(moment, record))
+            events[label].extend(detectors[label].see(moment, record, scores.run(label)))
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
     for label, event in scores.partings().items():
         events[label].append(event)

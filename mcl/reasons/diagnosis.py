@@ -7,9 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..filter.localizer import Localizer
-from ..scoring.episodes import Episode, doubts, episodes, is_bereft
-from ..scoring.lost_signal import LostSignal
-from ..scoring.table import LOST_FOR, TableRows
+from ..scoring.episodes import Episode, RunSoFar, doubts, episodes
+from ..scoring.table import LOST_FOR
 from ..sensor.laser.fit import ScanFits
 from ..sensor.map_places import map_library
 from ..values import F64, U8, Moment, OccupancyMap, StepRecord
@@ -114,8 +113,7 @@ class DiagnosisBuilder:
     localizer: Localizer | None = None
     occupancy: OccupancyMap | None = None  # that scans of a run without a localizer are laid on
     surroundings: Surroundings | None = None
-    rows: TableRows = field(default_factory=TableRows)  # of the run
-    signal: LostSignal = field(default_factory=LostSignal)
+    run: RunSoFar = field(default_factory=RunSoFar)
     _finder: EvidenceFinder = field(init=False)
     _pictures: KeptPictures = field(default_factory=lambda: KeptPictures([]))
     _waiting: deque[int] = field(default_factory=deque)  # updates that are not complete, by index
@@ -129,9 +127,8 @@ class DiagnosisBuilder:
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
-        self.signal.add(record)
-        self.rows.add(moment, record, self.signal, bereft=is_bereft(moment, record))
-        self._updates.append(self._finder.see(moment, record, self.signal.knows))
+        self.run.add(moment, record)
+        self._updates.append(self._finder.see(moment, record, self.run.signal.knows))
         self._waiting.append(len(self._updates) - 1)
         self._complete(MOST_WAITING)
         self._pictures.add(moment, record, self._finder.surroundings)
@@ -158,9 +155,9 @@ class DiagnosisBuilder:
         """
         if any(update.score.correct is None for update in self._updates):
             self._complete()
-        summary = self.signal.summary()
+        summary = self.run.signal.summary()
         trusted = summary is not None and summary.share > 0
-        return doubts(self.rows.table()) if trusted else scan_doubts(self._updates)
+        return doubts(self.run.rows.table()) if trusted else scan_doubts(self._updates)
 
     @property
     def has_laser(self) -> bool:
@@ -174,7 +171,7 @@ class DiagnosisBuilder:
     def stories(self) -> list[Story]:
         """Return each episode in which the filter failed, with its evidence."""
         surroundings = self._finder.surroundings
-        stories = stories_of(self._updates, episodes(self.rows.table()).episodes)
+        stories = stories_of(self._updates, episodes(self.run.rows.table()).episodes)
         if stories:
             self._complete()
         if not stories or surroundings is None:

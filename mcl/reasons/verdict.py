@@ -16,8 +16,7 @@ import numpy as np
 from ..filter.estimate import modes
 from ..filter.localizer import LEFT_MAP, Localizer
 from ..scoring.comparison import OdometryAlone, odometry_alone
-from ..scoring.episodes import Episode, Recent, episodes, standing
-from ..scoring.lost_signal import LostSignal
+from ..scoring.episodes import Episode, RunSoFar, episodes, standing
 from ..scoring.metrics import FIRST_SCORED, StepScore, score_step
 from ..scoring.table import KIDNAPPED, SEARCHING, RunTable, Standing, TableRows
 from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
@@ -281,13 +280,12 @@ class VerdictBuilder:
     _incidents: IncidentFinder = field(default_factory=IncidentFinder)
     _divided: dict[int, Ambiguity] = field(default_factory=dict)  # by the numbers of updates
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
-    _recent: Recent = field(init=False)
 
     def __post_init__(self, occupancy: OccupancyMap | None, start: F64 | None) -> None:
         localizer = self.localizer
-        rows = TableRows(start=start, localizer=localizer)
+        run = RunSoFar(TableRows(start=start, localizer=localizer))
         unknown = None if localizer is not None else occupancy
-        self._diagnosis, self._recent = DiagnosisBuilder(localizer, unknown, rows=rows), Recent(rows)
+        self._diagnosis = DiagnosisBuilder(localizer, unknown, run=run)
         if localizer is not None:
             self._incidents = IncidentFinder(levels=levels_of(localizer.library))
 
@@ -296,23 +294,23 @@ class VerdictBuilder:
         self._incidents.see(moment, record)
         divided = _divided(moment.frame.step, record, moment.truth)
         if divided is not None:
-            self._divided[self._diagnosis.rows.updates] = divided
+            self._divided[self.run.rows.updates] = divided
         self._diagnosis.add(moment, record)
 
     @property
-    def signal(self) -> LostSignal:
-        """The lost signal of the run, up to now."""
-        return self._diagnosis.signal
+    def run(self) -> RunSoFar:
+        """The run up to now, for all who read its rows and its lost signal."""
+        return self._diagnosis.run
 
     @property
     def table(self) -> RunTable:
         """The run as a table, up to now."""
-        return self._diagnosis.rows.table()
+        return self.run.rows.table()
 
     @property
     def now(self) -> Standing | None:
         """How the run stands at the last update; costs little, other than a verdict."""
-        return self._recent.standing()
+        return self.run.recent.standing()
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""

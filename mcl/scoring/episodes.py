@@ -8,7 +8,7 @@ run that does not know where it is; it ends when the run is localized (again). T
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -346,21 +346,43 @@ class Recent:
     rows: TableRows
     before: Standing | None = None  # how it stood at the first of them
     _first: int = 0
+    _table: RunTable | None = None  # what was asked for last, of so many updates
+    _updates: int = 0
+    _now: Standing | None = None
+    _is_judged: bool = False  # whether `_now` is of this table
 
     def table(self) -> RunTable:
-        """Return them."""
-        return self.rows.table(first=self._first, before=self.before)
+        """Return them, for all who ask at one update the same."""
+        if self._table is None or self._updates != self.rows.updates:
+            self._table = self.rows.table(first=self._first, before=self.before)
+            self._updates, self._is_judged = self.rows.updates, False
+        return self._table
 
     def standing(self) -> Standing | None:
-        """Return how the run stands at its last update."""
-        return self.move_on(self.table())
+        """Return how the run stands at its last update; rows that are needed no longer are let go of then."""
+        run = self.table()
+        if not self._is_judged:
+            self._now, self._is_judged = standing(run), True
+            if run.updates and _is_at_rest(run, self._now):
+                self._first, self.before = self.rows.updates - 1, self._now
+        return self._now
 
-    def move_on(self, run: RunTable) -> Standing | None:
-        """Let go of those of the rows that are needed no longer; return how the run stands."""
-        now = standing(run)
-        if run.updates and _is_at_rest(run, now):
-            self._first, self.before = self.rows.updates - 1, now
-        return now
+
+@dataclass(slots=True)
+class RunSoFar:
+    """A run that goes on: its table and its lost signal, followed once for all that read them."""
+
+    rows: TableRows = field(default_factory=TableRows)
+    signal: LostSignal = field(default_factory=LostSignal)
+    recent: Recent = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.recent = Recent(self.rows)
+
+    def add(self, moment: Moment, record: StepRecord) -> None:
+        """Process the next update."""
+        self.signal.add(record)
+        self.rows.add(moment, record, self.signal, bereft=is_bereft(moment, record))
 
 
 def _is_at_rest(run: RunTable, now: Standing | None) -> bool:
@@ -386,8 +408,7 @@ def table(steps: Iterable[tuple[Moment, StepRecord]]) -> RunTable:
     >>> made.updates, bool(made.is_localized[-1]), made.states[-1]
     (6, True, 'localized')
     """
-    rows, signal = TableRows(), LostSignal()
+    run = RunSoFar()
     for moment, record in steps:
-        signal.add(record)
-        rows.add(moment, record, signal, bereft=is_bereft(moment, record))
-    return rows.table()
+        run.add(moment, record)
+    return run.rows.table()

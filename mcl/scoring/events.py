@@ -17,11 +17,11 @@ from ..values.geometry import INCH_M
 from ..values.records import AVERAGES, LIBRARY, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
-from .episodes import Episode, Recent, episodes
+from .episodes import Episode, RunSoFar, episodes
 from .lost_signal import LostSignal
 from .metrics import StepScore, score_step
 from .modes import ModeTracker, TrackedMode
-from .table import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING, TableRows
+from .table import LOCALIZED, LOST, PROBABLY_LOST, SEARCHING
 
 Say = Callable[[float], str]  # writes a length in meters, with its unit
 
@@ -219,32 +219,33 @@ UNTIL = "; until step "
 
 @dataclass(slots=True)
 class EventDetector:
-    """Detects the events of one run, from its first update on; `say` formats lengths."""
+    """Detects the events of one run; `say` formats lengths. By itself it follows the run, too."""
 
     say: Say = in_meters
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
-    _recent: Recent = field(default_factory=lambda: Recent(TableRows()))
-    _signal: LostSignal = field(default_factory=LostSignal)
+    knows: float | None = None  # the probability that its estimate is right, without truth
+    _own: RunSoFar = field(default_factory=RunSoFar)  # where nobody else follows the run
     _tracker: ModeTracker = field(default_factory=ModeTracker)
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
     _leader: Leader = field(default_factory=Leader)
     _before: frozenset[str] = frozenset()  # events of the filter at the update before
 
-    @property
-    def knows(self) -> float | None:
-        """The probability that the last update's estimate is right, without truth."""
-        return self._signal.knows
+    def see(self, moment: Moment, record: StepRecord, run: RunSoFar | None = None) -> tuple[RunEvent, ...]:
+        """Process the next update; return its events in the order of KINDS.
 
-    def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
-        """Process the next update; return its events in the order of KINDS."""
+        `run` is what another one who follows it has of it, with this update.
+        """
+        if run is None:
+            run = self._own
+            run.add(moment, record)
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
         happened = [
             *logged(moment.events),
             *self._of_filter(record),
-            *self._judged(moment, record),
+            *self._judged(moment, record, run),
         ]
         fresh = 0 if record.injected is None else int(record.injected.sum())
         order, before = list(KINDS), self._before
@@ -283,16 +284,14 @@ class EventDetector:
         if (text := self._leader.see(self.modes, self.say)) is not None:
             yield MODE_SWITCH, text
 
-    def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
-        self._signal.add(record)
-        self._recent.rows.add(moment, record, self._signal)
-        run, score = self._recent.table(), score_step(record.estimate, moment.truth)
-        self._recent.move_on(run)
-        self.state = run.states[-1]
-        if run.doubted[-1] and not run.doubted[-2:-1].any():
-            yield PROBABLY_LOST, _doubts(self._signal)
-        for update, episode in episodes(run).changes:
-            if update == run.updates - 1:
+    def _judged(self, moment: Moment, record: StepRecord, run: RunSoFar) -> Iterator[tuple[str, str]]:
+        rows, score = run.recent.table(), score_step(record.estimate, moment.truth)
+        run.recent.standing()  # lets go of rows
+        self.state, self.knows = rows.states[-1], run.signal.knows
+        if rows.doubted[-1] and not rows.doubted[-2:-1].any():
+            yield PROBABLY_LOST, _doubts(run.signal)
+        for update, episode in episodes(rows).changes:
+            if update == rows.updates - 1:
                 yield _say_change(episode, score, self.say)
         if moment.truth is None:
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from helpers import viz_recordings as read
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step
+from maurice_mcl.scoring.lost_signal import LostSignal
 from maurice_mcl.scoring.metrics import score_table
 from maurice_mcl.scoring.modes import picture_gain
 from maurice_mcl.scoring.table import LOST_RAD, TableRows
@@ -65,7 +67,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
         observer = SceneObserver(rec, views, scene)
         for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
             collector.add_steps(steps_of)
-            observer.see(steps_of, collector.verdicts)
+            observer.see(steps_of, collector)
             seen.append(steps_of)
         observer.end(collector.results())
     return seen
@@ -76,6 +78,19 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
     """Draw the usual three runs once; nobody changes the file."""
     path = tmp_path_factory.mktemp("compared") / "c.rrd"
     return path, drawn(path, steps=12)
+
+
+def test_each_run_is_followed_once_for_scores_and_drawing(tmp_path, monkeypatch):
+    followed, add = Counter[str](), {kind: kind.add for kind in (TableRows, LostSignal)}
+    for kind in add:
+
+        def counted(self, *values, kind=kind, **named):
+            followed[kind.__name__] += 1
+            return add[kind](self, *values, **named)
+
+        monkeypatch.setattr(kind, "add", counted)
+    drawn(tmp_path / "c.rrd", steps=2)
+    assert followed == dict.fromkeys(("TableRows", "LostSignal"), 2 * len(LABELS))
 
 
 def texts_of(path: Path, entity: str, component: str = "TextDocument:text") -> dict[int, str]:

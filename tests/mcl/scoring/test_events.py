@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from helpers import expect_facts
 from helpers.step_records import Cloud, at, made, moment
+from maurice_mcl.scoring.episodes import RunSoFar
 from maurice_mcl.scoring.events import (
     KINDS,
     LEAST_SD_M,
@@ -26,7 +27,7 @@ from maurice_mcl.scoring.events import (
     say_recovery_test,
 )
 from maurice_mcl.scoring.metrics import score_table
-from maurice_mcl.scoring.table import STATES, TableRows
+from maurice_mcl.scoring.table import STATES
 from maurice_mcl.values.records import AVERAGES, LIBRARY, PICTURE, RecoveryTest
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
@@ -102,15 +103,21 @@ def test_recovery_comes_after_loss_or_kidnapping():
 @given(st.lists(st.sampled_from([0, 1, 2, 3]), min_size=1, max_size=24))
 def test_events_agree_with_the_table_of_figures(letters):
     """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""
-    clouds, rows, detector = (HERE, FAR, SPREAD, HERE), TableRows(), EventDetector()
+    clouds, so_far, detector, alone = (HERE, FAR, SPREAD, HERE), RunSoFar(), EventDetector(), EventDetector()
     found = list[RunEvent]()
     for step, letter in enumerate(letters, start=1):
         record = made(clouds[letter], step=step)
         here = moment(record, None if letter == 3 else TRUTH)
-        found += detector.see(here, record)
-        rows.add(here, record)
+        so_far.add(here, record)
+        if step % 2:  # whoever asks first, all who read a run are told the same
+            so_far.recent.standing()
+        told = detector.see(here, record, so_far)
+        assert told == alone.see(here, record)
+        assert (detector.state, detector.knows) == (alone.state, alone.knows)
         assert detector.state in STATES
-    score = score_table(rows.table())
+        found += told
+    assert so_far.rows.updates == len(letters), "who reads a run adds nothing to it"
+    score = score_table(so_far.rows.table())
     firsts = {kind: next((e for e in found if e.kind == kind), None) for kind in ("localized", "lost")}
     localized, lost = firsts["localized"], firsts["lost"]
     assert (None if lost is None else lost.step) == score.lost_at_update
@@ -120,6 +127,16 @@ def test_events_agree_with_the_table_of_figures(letters):
         judged = [step for step, letter in enumerate(letters, start=1) if letter != 3]
         assert localized.step == judged[judged.index(score.localized_at_update) + 4]
         assert localized.text == f"localized from step {score.localized_at_update} on"
+
+
+def test_a_run_whose_drawing_begins_late_is_as_lost_as_it_is():
+    so_far, detector = RunSoFar(), EventDetector()
+    for step, cloud in enumerate([HERE, *[FAR] * 6], start=1):
+        record = made(cloud, step=step)
+        here = moment(record, TRUTH)
+        so_far.add(here, record)
+    detector.see(here, record, so_far)
+    assert detector.state == "lost"
 
 
 def test_without_truth_what_needs_it_never_happens():
