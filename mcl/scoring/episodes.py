@@ -289,18 +289,17 @@ def _noticed(run: RunTable, first: int, known: int, until: int) -> int | None:
     return int(run.steps[sure[-1] + 1 if len(sure) else 0])
 
 
-def standing(run: RunTable) -> Standing | None:
+def standing(run: RunTable, told: Episodes | None = None) -> Standing | None:
     """Return how a run stands at its last update; None: not known yet, or nothing can tell.
 
-    By its episodes, or while no truth was seen by the lost signal.
+    By its episodes, `told` where they are known, or while no truth was seen by the lost signal.
     """
     if run.knew_before and run.is_calm.all():  # as it did: most updates of a live run
         return run.before
-    return _by_truth(run) if run.known.any() else _by_signal(run)
+    return _by_truth(run, told or episodes(run)) if run.known.any() else _by_signal(run)
 
 
-def _by_truth(run: RunTable) -> Standing:
-    told = episodes(run)
+def _by_truth(run: RunTable, told: Episodes) -> Standing:
     if told.is_open:
         episode = told.episodes[-1]
         declared = LOST if episode.lost is not None and episode.kind != SEARCHING else episode.kind
@@ -348,6 +347,7 @@ class Recent:
     _first: int = 0
     _table: RunTable | None = None  # what was asked for last, of so many updates
     _updates: int = 0
+    _told: Episodes | None = None  # of this table, once it was asked for
     _now: Standing | None = None
     _is_judged: bool = False  # whether `_now` is of this table
 
@@ -355,14 +355,21 @@ class Recent:
         """Return them, for all who ask at one update the same."""
         if self._table is None or self._updates != self.rows.updates:
             self._table = self.rows.table(first=self._first, before=self.before)
-            self._updates, self._is_judged = self.rows.updates, False
+            self._updates, self._told, self._is_judged = self.rows.updates, None, False
         return self._table
+
+    def episodes(self) -> Episodes:
+        """Return when the run was wrong, as far as these rows tell."""
+        run = self.table()
+        if self._told is None:
+            self._told = episodes(run)
+        return self._told
 
     def standing(self) -> Standing | None:
         """Return how the run stands at its last update; rows that are needed no longer are let go of then."""
         run = self.table()
         if not self._is_judged:
-            self._now, self._is_judged = standing(run), True
+            self._now, self._is_judged = standing(run, self.episodes()), True
             if run.updates and _is_at_rest(run, self._now):
                 self._first, self.before = self.rows.updates - 1, self._now
         return self._now

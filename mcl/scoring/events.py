@@ -17,7 +17,7 @@ from ..values.geometry import INCH_M
 from ..values.records import AVERAGES, LIBRARY, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
-from .episodes import Episode, RunSoFar, episodes
+from .episodes import Episode, RunSoFar
 from .lost_signal import LostSignal
 from .metrics import StepScore, score_step
 from .modes import ModeTracker, TrackedMode
@@ -286,11 +286,12 @@ class EventDetector:
 
     def _judged(self, moment: Moment, record: StepRecord, run: RunSoFar) -> Iterator[tuple[str, str]]:
         rows, score = run.recent.table(), score_step(record.estimate, moment.truth)
+        changes = run.recent.episodes().changes
         run.recent.standing()  # lets go of rows
         self.state, self.knows = rows.states[-1], run.signal.knows
         if rows.doubted[-1] and not rows.doubted[-2:-1].any():
             yield PROBABLY_LOST, _doubts(run.signal)
-        for update, episode in episodes(rows).changes:
+        for update, episode in changes:
             if update == rows.updates - 1:
                 yield _say_change(episode, score, self.say)
         if moment.truth is None:
