@@ -219,9 +219,9 @@ def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
     """Return what happened, a sentence each: to the robot, then how and why each run was wrong."""
     runs = verdicts.values()
     told = {(failure.kind, failure.first) for run in runs for failure in run.failures}  # with its numbers
-    befell = dict.fromkeys(incident for run in runs for incident in run.telling_incidents)
+    befell = [incident for run in runs for incident in run.telling_incidents]
     incidents = [incident for incident in befell if (incident.about.cause, incident.step) not in told]
-    lines = [f"{capital(say_incident(incident, scale))}." for incident in incidents]
+    lines = list(dict.fromkeys(f"{capital(say_incident(incident, scale))}." for incident in incidents))
     for label, verdict in verdicts.items():
         name = f"`{label}`: " if len(verdicts) > 1 else ""
         lines += [f"{name}{sentence}" for sentence in _of_run(verdict, scale)]
@@ -230,6 +230,8 @@ def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
 
 def _of_run(verdict: RunVerdict, scale: Scale) -> Iterator[str]:
     """Yield what is to be told of one run."""
+    if any(incident.alike for incident in verdict.incidents):
+        yield "In the dark all reference pictures score alike."
     if verdict.telling is not None:
         yield f"{capital(_divided(verdict.telling, scale))}."
     yield from (say_failure(failure, scale) for failure in verdict.failures)

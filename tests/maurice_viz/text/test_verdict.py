@@ -8,6 +8,7 @@ from helpers import expect_facts
 from maurice_mcl.reasons.causes import (
     AMBIGUITY,
     CARRIED,
+    DARK,
     KIDNAPPED,
     LIBRARY_GAP,
     MOTION,
@@ -123,6 +124,14 @@ def test_how_far_the_robot_was_carried_is_told_once_whatever_the_cause_is(kind, 
 def test_how_far_the_robot_was_carried_is_not_said_where_no_truth_tells():
     (line,) = account({"a": replace(BACK, incidents=(Incident(CARRIED, 61, 61),))}, INCHES)
     assert line == "The robot was kidnapped at step 61 (as the log says)."
+
+
+def test_in_the_dark_a_run_is_told_whose_references_score_alike():
+    dark = Incident(DARK, 10, 30, 59.0, 28.0)
+    runs = {"a": replace(GOOD, incidents=(dark,)), "b": replace(GOOD, incidents=(replace(dark, alike=True),))}
+    told, alike = account(runs, INCHES)
+    expect_facts(told, "dark at step 10", "59 before", "28 since")
+    assert alike == "`b`: In the dark all reference pictures score alike."
 
 
 def test_a_sure_run_lacks_particles_only_where_it_did_at_that_step():
