@@ -51,6 +51,9 @@ JUMP_M = 2.0  # an estimate that moved so much farther than the robot is that of
 # each update, as a share of its readings' support, most of which repeats what was read before; and at most.
 # Chosen together with the constants of `sensor.laser.history`.
 START_NATS, START_SD_M, SUPPORT_SHARE, MOST_TRUST_NATS = 60.0, 1.0, 0.15, 100.0
+# Of a start for which no reading speaks yet: a place has to fit the first scan better by as much, or a start
+# in a corridor would lose to whichever of many others fits best. A wrong start costs one scan about 30.
+DOUBTED_NATS = 20.0
 NOISE_STEP = np.float32(0.5)  # standard deviations: the step of the derivatives by the noise
 
 
@@ -77,6 +80,7 @@ class GuidedProposal(Proposal):
     def propose(self, prediction: Prediction, comparison: Comparison, past: Updates) -> ProposedParticles:
         """See `Proposal.propose`."""
         predicted, link = prediction.belief, 0.0
+        past = past or begun(prediction.before)
         asked = unexplained(comparison, predicted)
         if not asked:
             return ProposedParticles(predicted)
@@ -155,11 +159,21 @@ def earlier(name: str, motions: F64, link: float, past: Updates) -> list[Earlier
     ]
 
 
+def begun(before: Belief) -> tuple[Past, ...]:
+    """Return a start that somebody gave as an update before the first one, which read nothing."""
+    if not _deviation_m(before) < START_SD_M:
+        return ()
+    x, y = before.weights @ before.poses[:, :2] + before.origin
+    heading = np.angle(before.weights @ np.exp(1j * before.poses[:, 2].astype(np.float64)))
+    return (Past(np.zeros((0, 3)), (), np.array([x, y, heading]), 0.0, DOUBTED_NATS),)
+
+
 def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -> Past:
     """Return what is kept of an update: its movement as best known, and the trust in its estimate."""
     motions, link = record.frame.motions, 0.0 if movement is None else movement.link
     sensed, estimate = record.sighting.comparison.sensed, record.estimate.pose
-    trust = past[0].trust if past else START_NATS * (_deviation_m(record.predicted) < START_SD_M)
+    support = sum(max(0.0, part.support(estimate)) for part in sensed)
+    trust = past[0].trust if past else _trust_in_start(record.predicted, support)
     if past and len(motions):
         between = motion_between(past[0].estimate, estimate)
         motion = reduce(compose_motions, motions) if movement is None else movement.motion
@@ -168,8 +182,13 @@ def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -
         motions = (between if is_same else motion)[None]
         if off_m > JUMP_M or not (movement is None or movement.is_linked):
             trust = 0.0
-    support = sum(max(0.0, part.support(estimate)) for part in sensed)
     return Past(motions, sensed, estimate, link, min(MOST_TRUST_NATS, trust + SUPPORT_SHARE * support))
+
+
+def _trust_in_start(predicted: Belief, support: float) -> float:
+    if not _deviation_m(predicted) < START_SD_M:
+        return 0.0
+    return START_NATS if support > 0 else DOUBTED_NATS
 
 
 # Which proposals a cloud tracks.

@@ -10,11 +10,13 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.filter.following import (
+    DOUBTED_NATS,
     MOST_TRUST_NATS,
     START_NATS,
     SUPPORT_SHARE,
     GuidedMotionParameters,
     GuidedProposal,
+    begun,
     guided_motion,
     kept,
 )
@@ -229,6 +231,19 @@ def after(estimate, movement=None, trust=30.0):
 def test_a_start_that_somebody_gave_speaks_for_itself(sd_m, nats):
     first = kept(record(cloud(sd_m), BEFORE), None, ())
     assert first.trust == nats + SUPPORT_SHARE * SUPPORT
+
+
+def test_a_start_that_the_first_reading_does_not_speak_for_is_trusted_less():
+    silent = record(cloud(0.1), BEFORE)
+    silent.sighting = SimpleNamespace(comparison=SimpleNamespace(sensed=()))
+    assert kept(silent, None, ()).trust == DOUBTED_NATS < START_NATS
+
+
+def test_a_start_that_somebody_gave_is_an_update_before_the_first():
+    (start,) = begun(replace(cloud(0.1), origin=np.array([5.0, -3.0])))
+    np.testing.assert_allclose(start.estimate, [5, -3, 0], atol=0.05)
+    assert (len(start.motions), start.sensed, start.trust) == (0, (), DOUBTED_NATS)
+    assert begun(cloud(5.0)) == ()
 
 
 def test_estimates_tell_a_movement_better_than_wheels_unless_they_jump():
