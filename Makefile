@@ -65,10 +65,11 @@ results: .venv/installed-dev
 	$(BIN)/python -m benchmarks.studies.landmark_figures out/trials/channels out/trials/landmarks-spacing -o docs/pictures
 
 # A laser on your own recorded drives with true poses (docs/laser.md), with the tables of its page: minutes for
-# four logs, and it goes on where it stopped. LOGS=DIR holds them; SEEDS=5 for fewer runs.
+# four logs, and it goes on where it stopped. LOGS=DIR holds them, at any depth; SEEDS=5 for fewer runs; OUT=DIR
+# for other logs than before.
 LOGS ?= logs
 laser: .venv/installed-dev
-	$(BIN)/python -m benchmarks.studies.laser $(LOGS) $(if $(SEEDS),--seeds $(SEEDS))
+	$(BIN)/python -m benchmarks.studies.laser $(LOGS) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(OUT),-o $(OUT))
 
 # How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
 # they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).

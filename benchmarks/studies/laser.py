@@ -104,9 +104,11 @@ def _part(
 
 
 def _files(given: Sequence[Path]) -> Iterator[Path]:
+    """Yield the recordings among files, and in folders at any depth: bags of ROS 2 are folders themselves."""
     for path in given:
-        is_folder = path.is_dir() and not (path / "metadata.yaml").exists()  # and no bag of ROS 2
-        yield from sorted(file for end in ENDINGS for file in path.glob(end)) if is_folder else [path]
+        bags = {about.parent for about in path.rglob("metadata.yaml")} if path.is_dir() else {path}
+        files = {file for end in ENDINGS for file in path.rglob(end) if file.parent not in bags}
+        yield from sorted(bags | files)
 
 
 def _name(log: Path) -> str:

@@ -162,23 +162,35 @@ def _cut(spec: SessionSpec) -> tuple[SessionInfo, Bench, Stretches]:
         raise InputError(None, f"{path}: found no true pose, and parts of a recording need some")
     half = len(moments) // 2 if mapped == "first half" else 0
     if mapped:
-        until_s = moments[half].frame.time_s if half else np.inf
-        bench = Bench.of(map_library(_map_of(spec, until_s), session.info.name))
+        until = moments[half] if half else None
+        bench = Bench.of(map_library(_map_of(spec, until), session.info.name))
     else:
         bench = Bench.of(open_library(_library_of(session, path, spec.library)), session.info)
     return session.info, bench, Stretches.of(moments[half:], bench.library.occupancy)
 
 
-def _map_of(spec: SessionSpec, until_s: float) -> OccupancyMap:
-    """Return a map of all scans with true poses before a time, also of those that no update uses."""
+def _map_of(spec: SessionSpec, until: Moment | None) -> OccupancyMap:
+    """Return a map of all scans with true poses before an update, also of those that no update uses.
+
+    The update is found by its scan: the times of all may be the same.
+    """
     all_scans = replace(spec.read_as, min_distance_m=0.0, min_angle_rad=0.0, odometry_from_truth=False)
     every = open_session(spec.path, all_scans).moments()
-    before = takewhile(lambda moment: moment.frame.time_s < until_s, every)
+    before = takewhile(lambda moment: not _is_same(moment, until), every)
     posed = ((moment.frame.scan, moment.truth) for moment in before)
     try:
         return build_occupancy((scan, pose) for scan, pose in posed if scan is not None and pose is not None)
     except ValueError as problem:
         raise InputError(None, f"{spec.path}: no map can be made of its scans: {problem}") from None
+
+
+def _is_same(moment: Moment, other: Moment | None) -> bool:
+    """Return whether two moments of a recording, read by other gates, are of one scan at one true pose."""
+    if other is None or moment.frame.scan is None or other.frame.scan is None:
+        return False
+    if moment.truth is None or other.truth is None or not np.array_equal(moment.truth, other.truth):
+        return False
+    return np.array_equal(moment.frame.scan.ranges_m, other.frame.scan.ranges_m, equal_nan=True)
 
 
 def _simulated(spec: SessionSpec, seed: int) -> Drive:

@@ -10,14 +10,16 @@ import polars as pl
 import pytest
 
 from maurice_datasets.sessions import simulate, simulation_plan
+from maurice_datasets.trials.drives import open_drive
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import Part, Plan, SessionSpec, Variants, read_plan
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.stretches import CARRIED_M, Stretches, mapped_share
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
+from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.laser import FREE, UNKNOWN, LaserScan, OccupancyMap
-from maurice_mcl.values.session import NO_PICTURE, Frame, Moment
+from maurice_mcl.values.session import NO_PICTURE, Frame, Moment, SessionInfo
 
 SCAN = LaserScan(np.array([1.0, 1.0, 9.0], np.float32), 0.0, np.pi / 2, 0.1, 8.0)  # ahead, left, nothing
 LEFT_UNKNOWN = OccupancyMap(
@@ -94,6 +96,21 @@ def test_a_plan_runs_over_parts_of_a_recording_on_a_map_of_its_scans(tmp_path: P
     assert len({values[0] for values in begun["true_x_m"]}) == 2
     assert all("found no 100 updates" in error for error in rows["error"].drop_nulls())
     assert rows["error"].is_null().sum() == 4
+
+
+@pytest.mark.parametrize("apart_s", [1.0, 0.0])
+def test_a_drive_is_halved_by_its_updates_whatever_their_times(apart_s: float, tmp_path: Path) -> None:
+    with SessionWriter(tmp_path / "drive.log", SessionInfo("drive")) as log:
+        for k in range(21):
+            reach = np.full(180, 1.5 + 0.01 * k, np.float32)
+            log.odometry_pose(k * apart_s, (float(k), 0.0, 0.0))
+            log.truth(k * apart_s, (float(k), 0.0, 0.0))
+            log.scan(k * apart_s, LaserScan(reach, 0.0, np.radians(2), 0.1, 8.0))
+    path = str(tmp_path / "drive.log")
+    drive = open_drive(SessionSpec("half", path=path, mapped="first half"), 0)
+    assert next(moment.truth[0] for moment in drive.session.moments() if moment.truth is not None) == 10
+    x_min, _, x_max, _ = drive.bench.library.arena.bounds
+    assert (x_min, x_max) == pytest.approx((-1.5, 9 + 1.59), abs=0.1)
 
 
 def test_a_session_has_a_library_or_a_map_of_its_scans(tmp_path: Path) -> None:
