@@ -134,6 +134,10 @@ def plot(runs: RunScores | pl.DataFrame | str | Path, *columns: str) -> Figure:
     for name in names:
         if name not in numbers:
             raise InputError(None, f"plot: found no numbers {name!r}; {expected_one_of(name, numbers)}")
+        if steps[name].null_count() == len(steps):
+            raise InputError(
+                None, f"plot: {name} is not known at any step of these runs, such as without truth"
+            )
     size = (WIDTH_IN, HEIGHT_IN * len(names))
     figure, grid = pyplot.subplots(len(names), squeeze=False, sharex=True, figsize=size, layout="constrained")
     for axes, name in zip(grid[:, 0], names, strict=True):

@@ -97,6 +97,8 @@ class TrialsResult:
         if against not in (FIRST, EACH):
             raise InputError(None, f"against: found {against!r}, {expected_one_of(against, (FIRST, EACH))}")
         pairs = paired(self.runs, by, metric, against)
+        if not pairs:
+            raise InputError(None, f"found one {' and '.join(by)}, expected two or more to compare")
         adjusted = iter(holm([pair.p for pair in pairs if pair.p is not None]))
         rows = [
             pair.by
@@ -188,7 +190,7 @@ def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> lis
     """
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:
-        raise InputError(None, f"--metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
+        raise InputError(None, f"metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
     groups = rows.group_by(columns, maintain_order=True) if columns else [((), rows)]
     return [_group(dict(zip(columns, values, strict=True)), some, metric) for values, some in groups]
 
@@ -255,7 +257,7 @@ def paired(
     """
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:
-        raise InputError(None, f"--metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
+        raise InputError(None, f"metric: found {metric!r}, {expected_one_of(metric, NUMBERS)}")
     whole = {"label", "variant"} & set(columns)  # these say already which settings a run has
     other = [] if whole else [name for name in _varied(rows) if name not in columns]
     same = ["part", "session", "seed", *other]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 import pytest
 
 import maurice_viz as mv
@@ -43,5 +44,7 @@ def test_a_saved_run_is_drawn_as_the_run_itself(runs):
 def test_what_cannot_be_drawn_is_one_line(runs):
     with pytest.raises(InputError, match="found no numbers 'eror_m'"):
         mv.plot(runs, "eror_m")
+    with pytest.raises(InputError, match="error_m is not known at any step"):
+        mv.plot(runs.steps.with_columns(error_m=pl.lit(None, pl.Float64)))
     with pytest.raises(InputError, match="without the steps of a run"):
         mv.plot(runs.steps.drop("label"))

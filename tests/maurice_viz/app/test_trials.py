@@ -80,6 +80,8 @@ def test_pairs_of_each_with_each(drive: Path) -> None:
     assert not ((pairs["low"] > 0) & (pairs["p"] > 0.05)).any()
     with pytest.raises(InputError, match="metric"):
         result.mean("speed")
+    with pytest.raises(InputError, match="expected two or more to compare"):
+        mv.TrialsResult(result.runs.filter(label=names[0])).paired()
     with pytest.raises(InputError, match="against"):
         result.paired(against="best")
 
