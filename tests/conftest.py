@@ -26,7 +26,7 @@ os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they re
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False  # and every run of the tests would rewrite their asserts again
 
-HUNG_S = 600  # far longer than any test takes, however busy the machine
+HUNG_S, SLOW_HUNG_S = 600, 2400  # far longer than any test takes, and any marked slow, on a busy machine
 
 # the same examples on every machine and day; `pytest --hypothesis-profile=default` draws others, and more
 settings.register_profile("anywhere", derandomize=True, deadline=None, max_examples=30)
@@ -54,9 +54,10 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _no_test_hangs() -> Iterator[None]:
+def _no_test_hangs(request: pytest.FixtureRequest) -> Iterator[None]:
     """End the process, with where it stood, after a test that does not end: others then go on without it."""
-    faulthandler.dump_traceback_later(HUNG_S, exit=True, file=sys.__stderr__)
+    limit_s = SLOW_HUNG_S if request.node.get_closest_marker("slow") else HUNG_S
+    faulthandler.dump_traceback_later(limit_s, exit=True, file=sys.__stderr__)
     yield
     faulthandler.cancel_dump_traceback_later()
 
