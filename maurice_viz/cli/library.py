@@ -189,7 +189,6 @@ def _table_of(name: str) -> Table:
 
 def check(
     library: LibraryArgument,
-    drive_argument: Annotated[Path | None, argument("DRIVE", "The same as --drive.", hidden=True)] = None,
     drive: Annotated[
         Path | None,
         option(
@@ -220,7 +219,7 @@ def check(
             to=outputs.get(".png"),
             poses=outputs.get(".csv"),
             curves=outputs.get(".svg"),
-            drive=drive or drive_argument,
+            drive=drive,
             reading=reading_of(reading),
             force=force,
             listener=listener,

@@ -127,7 +127,9 @@ def test_a_search_and_what_somebody_chose_stay_as_they_are(how):
 
 
 def test_library_check_compares_the_pictures_of_a_drive(small_session):
-    out, _ = maurice("library", "check", small_session.parent / "survey.log", small_session, "--json")
+    out, _ = maurice(
+        "library", "check", small_session.parent / "survey.log", "--drive", small_session, "--json"
+    )
     drive = json.loads(out)["drive"]
     assert 0 < drive["pictures"] <= 14
     assert {"gain", "widening", "tells", "is_bad"} <= set(drive)
