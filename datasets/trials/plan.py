@@ -21,7 +21,7 @@ from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.reading.options import RULES, Reading
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from maurice_mcl.sensor.descriptors.registry import feature_name, settings_of_feature
 from maurice_mcl.values import (
     Plain,
     Rule,
@@ -47,7 +47,7 @@ SHUFFLED, MISJUDGED = "shuffled references", "motion constants +30 %"  # control
 # settings that are no keys of the configuration
 SPECIAL: Mapping[str, Rule] = {
     "preset": choice(*PRESETS),
-    "feature": choice(*FEATURES, *CHANNELS),
+    "feature": feature_name,
     "control": choice(SHUFFLED, MISJUDGED),
 }
 KEYS: Mapping[str, Rule] = {
@@ -257,7 +257,7 @@ def configuration_of(settings: Mapping[str, Any]) -> Configuration:
     checked({key: value for key, value in settings.items() if key in SPECIAL and value is not None}, SPECIAL)
     preset, feature = settings.get("preset"), settings.get("feature")
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
-    layers += [Layer("feature", {"sensor.weights": weights_of(feature)})] if feature else []
+    layers += [Layer("feature", settings_of_feature(feature))] if feature else []
     own = {key: value for key, value in settings.items() if key not in SPECIAL}
     return configure([*layers, Layer("plan", own)])
 

@@ -20,7 +20,7 @@ from maurice_loaders.reading.observations import SCAN_GATE, Gate
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.parameters import PRESETS, RULES, Configuration
-from maurice_mcl.sensor.descriptors.network import file_of, is_network, network_of
+from maurice_mcl.sensor.descriptors.network import file_of, is_network
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.values import F64, Session, expected_one_of
 
@@ -128,10 +128,7 @@ class Filter:
     @property
     def changes(self) -> dict[str, Any]:
         """All settings by key that are chosen here, over preset and file. OptionError for one given twice."""
-        feature = self.feature
-        weights = None if feature is None else weights_of(feature)
-        if feature is not None and is_network(feature):
-            weights = {network_of(feature).name: 1.0}
+        weights = None if self.feature is None else weights_of(self.feature)
         chosen = {"sensor.weights": weights, "particles": self.particles} | self.parts
         chosen = {key: value for key, value in chosen.items() if value is not None}
         for key in self.settings:
@@ -294,8 +291,8 @@ def _words_of(kind: str, values: Sequence[Any], filters: Sequence[Filter]) -> li
     elif kind == "start":
         words = [value if isinstance(value, str) else f"start {n}" for n, value in enumerate(values, 1)]
     else:
-        said = f"{kind.rpartition('.')[2]} "
-        words = [said * isinstance(value, (int, float)) + word_of(value) for value in values]
+        name = kind.rpartition(".")[2]
+        words = [f"{name} {value}" if isinstance(value, (int, float)) else word_of(value) for value in values]
     return ["" if value is None else word for value, word in zip(values, words, strict=True)]
 
 

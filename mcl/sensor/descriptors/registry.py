@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ...errors import InputError
-from ...values import F32, POSE_SENSORS, U8, called, made, name_of, own_part, texts
+from ...values import F32, POSE_SENSORS, U8, called, choice, made, name_of, own_part, texts
 from ..distances import DISTANCES
 from .chromaticity import Chromaticity
 from .color_grid import ColorGrid
@@ -286,5 +286,18 @@ FEATURES: Mapping[str, Mapping[str, float]] = {
 
 
 def weights_of(feature: str) -> dict[str, float]:
-    """Return channel -> weight of a feature: a key of `FEATURES`, or the name of any one channel."""
+    """Return channel -> weight of a feature: a key of `FEATURES`, any one channel, or a network."""
+    if is_network(feature):
+        return {network_of(feature).name: 1.0}
     return dict(FEATURES.get(feature, {feature: 1.0}))
+
+
+def settings_of_feature(feature: str) -> dict[str, Any]:
+    """Return what a feature sets, by key of the configuration; of a network the channel that it is, too."""
+    channels = {"sensor.channels": [feature]} if is_network(feature) else {}
+    return {"sensor.weights": weights_of(feature)} | channels
+
+
+def feature_name(key: str, value: Any) -> str:
+    """Take the name of a feature, of a channel, or a network, `onnx:FILE.onnx`."""
+    return str(value) if is_network(value) else choice(*FEATURES, *CHANNELS)(key, value)

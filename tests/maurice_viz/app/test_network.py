@@ -39,6 +39,13 @@ def test_it_localizes_and_its_run_is_saved_and_verified_in_another_process(drive
     assert "the same, all 14 steps" in found.stdout
 
 
+def test_it_is_tried_over_seeds_as_it_is_replayed(drive, network):
+    asked = mv.Filter(network, particles=60)
+    runs = mv.trials(drive, filters=[asked, "color"], seeds=1).runs
+    assert runs["label"].to_list() == ["Small-Net", "color"]
+    assert runs["error_mean_m"][0] == mv.replay(drive, filter=asked).runs[0].score.error_mean_m
+
+
 def test_it_is_given_beside_other_channels(drive, network):
     both = mv.Filter("color", channels=[network], settings={"sensor.distances": {"small_net": "l2"}})
     weights = both.configuration().parameters.sensor.weights
