@@ -143,7 +143,8 @@ def plot(runs: RunScores | pl.DataFrame | str | Path, *columns: str) -> Figure:
     for axes, name in zip(grid[:, 0], names, strict=True):
         for number, ((label,), run) in enumerate(steps.group_by("label", maintain_order=True)):
             color = _shares(RUN_COLORS[number % len(RUN_COLORS)])
-            axes.plot(run["time_s"], run[name].cast(float), color=color, label=label)
+            style = "steps-post" if run.schema[name] == pl.Boolean else "default"
+            axes.plot(run["time_s"], run[name].cast(float), color=color, label=label, drawstyle=style)
         for time_s in steps.filter(steps["kidnapped"])["time_s"].unique():
             axes.axvline(time_s, color=_shares(LOST))
         axes.set_ylabel(_axis(name))
