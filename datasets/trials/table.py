@@ -78,8 +78,8 @@ class TrialsResult:
         """Return how many runs of which filters there are."""
         filters = ", ".join(self.runs["label"].unique(maintain_order=True))
         failed = len(self.runs) - self.runs["error"].null_count()
-        told = f", {failed} failed" if failed else ""
-        return f"TrialsResult({len(self.runs):,} runs of {filters}{told})"
+        failures = f", {failed} failed" if failed else ""
+        return f"TrialsResult({len(self.runs):,} runs of {filters}{failures})"
 
     def mean(self, metric: str = DEFAULT, by: Sequence[str] = ("label",)) -> pl.DataFrame:
         """Return the mean of a column for each filter, of a flag its share. InputError for no such column."""

@@ -38,7 +38,7 @@ def completed(
     progress: NamedProgress | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> list[Library]:
-    """Return the library of each filter: with landmarks and one's own channels, where it compares by them.
+    """Return the library of each filter: with landmarks and the user's channels, where it compares by them.
 
     `info` is of the session, whose camera counts where the library knows none. InputError for channels of
     one name that are not the same.

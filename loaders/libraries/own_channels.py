@@ -1,4 +1,4 @@
-"""Libraries with channels of one's own: their pictures are measured when a filter asks for it."""
+"""Libraries with the user's own channels: their pictures are measured when a filter asks for it."""
 
 from __future__ import annotations
 

@@ -187,11 +187,13 @@ def check_library(
     wanted_m = _wanted_m(opened, similarity, telling)
     covered, advice = coverage_of(opened, wanted_m), advise(opened, replace(similarity, spacing_m=wanted_m))
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
-    found = None
+    recognition = None
     if recorded is not None:
         retrieval = look_up_drive(opened, weights, recorded, progress_of(listener, "look up"))
-        found = PlaceRecognition.of(retrieval, list(weights))
-    check = LibraryCheck(opened, similarity, covered, telling, advice, wanted_m, weights, of_drive, found)
+        recognition = PlaceRecognition.of(retrieval, list(weights))
+    check = LibraryCheck(
+        opened, similarity, covered, telling, advice, wanted_m, weights, of_drive, recognition
+    )
     if to is not None:
         check.draw(to, force=force)
     if poses is not None:
@@ -240,10 +242,10 @@ def say_default(library: Library, *, fitted: bool = True) -> Iterator[str]:
 
 def say_scales(library: Library) -> Iterator[str]:
     """Yield what the library's own pictures show about the features that are mostly used with it."""
-    reference, told = nearest_reference(library.poses, library.arena), dict[str, float]()
+    reference, stretched = nearest_reference(library.poses, library.arena), dict[str, float]()
     for weights in (FEATURES["blended"], FEATURES["best"]):
         _, telling = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
         if telling is not None:
-            new = {name: factor for name, factor in telling.stretched.items() if name not in told}
-            telling, told = replace(telling, stretched=new), told | new
+            new = {name: factor for name, factor in telling.stretched.items() if name not in stretched}
+            telling, stretched = replace(telling, stretched=new), stretched | new
         yield from say_places(library.name, weights, telling)

@@ -67,7 +67,7 @@ def trials(
     options, specs = read_as_amcl(paths[0], reading or Reading(), list(map(filter_of, given)), listener)
     start = _start_of(specs)
     at = None if library is None else str(Path(library).resolve())
-    for path in paths:  # what is wrong with one is said now, not in the rows of its runs
+    for path in paths:  # a drive that cannot be used is refused before any run is made
         opened = open_session(path, options, listener)
         specs = preset_for(
             open_library_for(opened, None if at is None else Path(at), keep_going=False), specs

@@ -1,4 +1,4 @@
-"""A filter as it is asked for, as a value: by preset, feature, settings, files and parts of one's own."""
+"""A filter as it is asked for, as a value: by preset, feature, settings, files and the user's own parts."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ def words_of(specs: Sequence[Filter]) -> list[str]:
 
 
 def word_of(value: Any) -> str:
-    """Return a value as a run's name may hold it: of a file its stem, of a part of one's own its name."""
+    """Return a value as a run's name may hold it: of a file its stem, of the user's part its name."""
     if isinstance(value, (list, tuple)):
         return " ".join(map(word_of, value))
     if is_network(value):

@@ -270,11 +270,11 @@ def _check_signs(library: Library, sensor: SensorParameters) -> None:
             raise ValueError(f"sensor.distances: found {distance!r} for {name}, {expected}")
 
 
-OWN_SCALES = "the library's places"  # origin of the scales of one's own channels
+OWN_SCALES = "the library's places"  # origin of the scales of the user's channels
 
 
 def own_scaled(configuration: Configuration, library: Library, nearest: NearestReference) -> Configuration:
-    """Give channels of one's own that have no scale one that is fitted to the library's own pictures."""
+    """Give the user's channels that have no scale one that is fitted to the library's own pictures."""
     sensor = configuration.parameters.sensor
     own = [name for name in sensor.weights if isinstance(CHANNELS.get(name), OwnChannel)]
     scales = dict(sensor.scales)

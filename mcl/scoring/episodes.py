@@ -259,8 +259,8 @@ def _episode(run: RunTable, marks: _Marks, span: _Span, until: int) -> Episode:
         localized = int(steps[marks.updates[span.localized]])
         last = int(steps[during[-1]]) if len(during) else localized
         noticed = None if noticed is not None and noticed >= localized else noticed
-        told = steps[np.flatnonzero(run.given[: marks.updates[span.localized + LOCALIZED_OF[1] - 1] + 1])]
-        given = int(told[-1]) if len(told) and first < told[-1] <= localized else None
+        given_at = steps[np.flatnonzero(run.given[: marks.updates[span.localized + LOCALIZED_OF[1] - 1] + 1])]
+        given = int(given_at[-1]) if len(given_at) and first < given_at[-1] <= localized else None
     return Episode(
         span.kind,
         first,
@@ -313,10 +313,10 @@ def _by_truth(run: RunTable, told: Episodes) -> Standing:
 
 
 def _by_signal(run: RunTable) -> Standing | None:
-    told = np.flatnonzero(~np.isnan(run.knows))
-    if not len(told):
+    known = np.flatnonzero(~np.isnan(run.knows))
+    if not len(known):
         return run.before
-    rows = slice(int(told[0]), None)
+    rows = slice(int(known[0]), None)
     steps, doubted, unclear = run.steps[rows], run.doubted[rows], run.places[rows] > 1
     knows = run.knows[rows] > KNOWS_ABOVE
     # it doubts no run that knew where it was before the alarm, unless another place is as likely

@@ -105,7 +105,7 @@ class SensorParameters:
     outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
     # sensors of other packages: names of entry points, or module:Class
     outside: Annotated[tuple[str, ...], sensor_names] = ()
-    channels: Annotated[tuple[str, ...], channel_names] = ()  # of one's own: objects, or module:name
+    channels: Annotated[tuple[str, ...], channel_names] = ()  # the user's: objects, or module:name
     laser: LaserParameters = field(default_factory=LaserParameters)
 
     def distance_of(self, channel: str) -> str:

@@ -1,6 +1,6 @@
 """Parts of a filter that a user writes: functions, classes and objects, by module, name and source hash.
 
-Settings hold names. A part of one's own has the name `module:name@hash`, so that configurations, saved runs
+Settings hold names. A part of the user has the name `module:name@hash`, so that configurations, saved runs
 and trials tell it like any other setting, and another part under the same name is refused.
 """
 

@@ -67,8 +67,8 @@ def _stamp(path: Path) -> tuple[int, int]:
     """Return what changes when a file does."""
     if not path.exists():
         return 0, 0
-    found = path.stat()
-    return found.st_mtime_ns, found.st_size
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
 
 
 @lru_cache(maxsize=4)
@@ -77,9 +77,9 @@ def _opened(path: Path, *_stamps: tuple[int, int]) -> Network:
     of_table = table.read_bytes() if table.exists() else b""
     digest = sha256(b"\0".join([VERSION.encode(), sha256(content).digest(), of_table])).hexdigest()
     graph = _graph(path, content)
-    told = _told_by_table(table, of_table)
+    table_values = _told_by_table(table, of_table)
     values = {key: _told_by_model(path, text) for key, text in graph.metadata.items() if key in KEYS}
-    shape = _input_shape(path, table, _checked(path, values) | _checked(table, told), graph)
+    shape = _input_shape(path, table, _checked(path, values) | _checked(table, table_values), graph)
     network = Network(path, digest[:HASH_DIGITS], _loaded(path), shape)
     network.describe(np.full((*shape.size[::-1], 3), 128, np.uint8))  # whether every operator runs
     return network
@@ -190,17 +190,19 @@ def _input_shape(path: Path, table: Path, told: Mapping[str, Any], graph: _Graph
         names = ", ".join(graph.inputs) or "none"
         raise InputError(path, f"found {len(graph.inputs)} inputs ({names}), expected one picture")
     ((name, (kind, dims)),) = graph.inputs.items()
-    said = f"its input {name!r} is {_say(dims)}"
+    described = f"its input {name!r} is {_say(dims)}"
     if len(dims) != 4 or dims[0] not in (1, None) or dims[1] not in (1, 3, None):
-        raise InputError(path, f"{said}, expected (1, 3, height, width): one picture, its colors first")
+        raise InputError(path, f"{described}, expected (1, 3, height, width): one picture, its colors first")
     if kind != FLOAT32:
-        raise InputError(path, f"{said} of ONNX's type {kind}, expected float32 (type {FLOAT32})")
+        raise InputError(path, f"{described} of ONNX's type {kind}, expected float32 (type {FLOAT32})")
     fixed = None if None in dims[2:] else (int(dims[3] or 0), int(dims[2] or 0))
     size = told.get("size", fixed)
     if size is None:
-        raise InputError(path, f"{said}: write its size to {table.name} beside it, such as size = [320, 320]")
+        raise InputError(
+            path, f"{described}: write its size to {table.name} beside it, such as size = [320, 320]"
+        )
     if fixed not in (None, size) or not all(1 <= side <= MOST_SIDE_PX for side in size):
-        found = f"size is {list(size)}, and {said}"
+        found = f"size is {list(size)}, and {described}"
         raise InputError(path, f"{found}; expected the same, and sides of 1 to {MOST_SIDE_PX} pixels")
     is_gray = dims[1] == 1
     usual: dict[str, tuple[float, ...]] = {"mean": MEAN, "std": STD}
@@ -208,7 +210,7 @@ def _input_shape(path: Path, table: Path, told: Mapping[str, Any], graph: _Graph
         usual = {key: (sum(values) / len(values),) for key, values in usual.items()}
     mean, std = (told.get(key, values) for key, values in usual.items())
     if {len(mean), len(std)} - {1, 1 if is_gray else 3}:
-        raise InputError(path, f"{said}: expected as many numbers of mean and std as it has colors")
+        raise InputError(path, f"{described}: expected as many numbers of mean and std as it has colors")
     output = told.get("output", graph.outputs[0] if len(graph.outputs) == 1 else None)
     if output not in graph.outputs:
         found = f"found the outputs {', '.join(graph.outputs) or 'none'}"

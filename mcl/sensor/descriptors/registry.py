@@ -178,7 +178,7 @@ CHANNELS.own = {}
 BROKEN: tuple[str, ...] = LOADED.broken  # messages for people
 
 
-# Channels of one's own: objects of a user's script, or `module:name`, which no package provides.
+# Channels of the user's: objects of a script, or `module:name`, which no package provides.
 
 
 class OwnChannel:
@@ -219,7 +219,7 @@ class OwnChannel:
 
 
 def channel_names(key: str, value: Any) -> tuple[str, ...]:
-    """Take a list of channels of one's own: objects, or names, `module:name`; each gets one with a hash."""
+    """Take a list of the user's channels: objects, or names, `module:name`; each gets one with a hash."""
     parts = value if isinstance(value, (list, tuple)) else texts(key, value)
     return tuple(dict.fromkeys(map(_name_of_channel, parts)))
 
@@ -239,7 +239,7 @@ def _own_channel(part: str) -> OwnChannel:
 
 
 def give_channels(parts: Iterable[str]) -> tuple[str, ...]:
-    """Make channels of one's own known by their names, and return these. ValueError for what is none."""
+    """Make the user's channels known by their names, and return these. ValueError for what is none."""
     channels = list(map(_own_channel, parts))
     names = tuple(channel.name for channel in channels)
     twice = next((name for name in names if names.count(name) > 1), None)
