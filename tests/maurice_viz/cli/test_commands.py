@@ -259,7 +259,7 @@ def test_a_dead_display_counts_as_none(small_session, tmp_path):
         "calibrate drive {} --json",
         "library build {} -o built --force",
         "library tune survey.log {} --channels color --json",
-        "library check survey.log {} --json",
+        "library check survey.log --drive {} --json",
     ],
 )
 def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
