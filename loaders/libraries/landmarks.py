@@ -20,7 +20,7 @@ from ..files.writing import cache_root
 from .files import hashes_of
 from .remembered import read_arrays, remembered, write_arrays
 
-VERSION = 4  # of what landmarks are made of: another one makes them again
+VERSION = 5  # of what landmarks are made of: another one makes them again
 LANDMARKS = "landmarks"
 
 Warn = Callable[[str], None]

@@ -1,8 +1,7 @@
 """Where tracks are in space, and what the camera and the references' poses must be for views to agree.
 
 A bundle adjustment (Triggs et al. 2000): references may move within the surveyor's tolerance, which also
-keeps the map's frame; the points are eliminated (Schur complement), so that what is solved has three
-unknowns a reference and three of the camera.
+keeps the map's frame.
 """
 
 from __future__ import annotations
@@ -11,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ...values import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
+from .normal_equations import Stated, WeightedViews, change_of
 
 STEPS = 3  # of Gauss and Newton, each round
 SOFT_PX = 1.5  # residuals beyond it count less and less (Cauchy)
-DAMPING = 1e-5
 FARTHEST_STEP_M = 1.0
 
 
@@ -104,48 +102,26 @@ def _step(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -
     error = np.hypot(*off.T)
     weight = np.where(seen.depth > 0.05, 1 / (1 + (error / SOFT_PX) ** 2), 0.0)
     root = np.sqrt(weight)[:, None]
-    off = (off * root).reshape(-1)
-    derivatives = seen.by_pose, seen.by_point, seen.by_camera
-    by_pose, by_point, by_camera = (d * root[:, :, None] for d in derivatives)
-    of_camera = sparse.csr_matrix(by_camera.reshape(-1, 3))
-    wide = sparse.hstack([_blocks(views.reference, by_pose, places), of_camera]).tocsr()
-    point = _blocks(views.point, by_point, count)
-    inner = np.zeros((count, 3, 3))
-    np.add.at(inner, views.point, np.swapaxes(by_point, 1, 2) @ by_point)
-    inner += DAMPING * np.eye(3) * (1e-6 + np.trace(inner, axis1=1, axis2=2)[:, None, None])
-    inverse = _blocks(np.arange(count), np.asarray(np.linalg.inv(inner), np.float64), count)
-    between = (wide.T @ point).tocsr()
-    eliminated = between @ inverse
-    prior, pull = _prior(bundle, nominal, tolerance)
-    outer = (wide.T @ wide - eliminated @ between.T + sparse.diags(prior)).tocsc()
-    right = wide.T @ off + prior * pull - eliminated @ (point.T @ off)
-    wanted = np.column_stack([right, np.eye(len(right), 3, 3 - len(right))])
-    solved = np.linalg.solve(outer.toarray(), wanted)
-    change, covariance = solved[:, 0], solved[-3:, 1:]  # of the last three, which are the camera's
-    points = inverse @ (point.T @ off - between.T @ change)
-    points = np.clip(points.reshape(-1, 3), -FARTHEST_STEP_M, FARTHEST_STEP_M)
+    by_pose, by_point, by_camera = (
+        d * root[:, :, None] for d in (seen.by_pose, seen.by_point, seen.by_camera)
+    )
+    weighted = WeightedViews(views.reference, views.point, by_pose, by_point, by_camera, off * root)
+    change = change_of(weighted, count, _stated(bundle, nominal, tolerance))
     moved = Bundle(
-        bundle.camera.with_values(bundle.camera.values + change[-3:]),
-        bundle.poses + change[:-3].reshape(-1, 3),
-        bundle.points + points,
+        bundle.camera.with_values(bundle.camera.values + change.camera),
+        bundle.poses + change.poses,
+        bundle.points + np.clip(change.points, -FARTHEST_STEP_M, FARTHEST_STEP_M),
     )
     freedom = max(2 * float(weight.sum()) - 3 * (count + places + 1), 0.1 * len(error))
     # of an M-estimator (Huber 1981, 7.6): the weighted residuals over how much they change with a residual
     slope = (weight**2 * (1 - (error / SOFT_PX) ** 2) + weight) / 2
-    squared = float(weight @ (off.reshape(-1, 2) ** 2).sum(axis=1)) / freedom
+    squared = float(np.sum(weight**2 * error**2)) / freedom
     variance = squared * float(weight.mean()) / max(float(slope.mean()), 0.1) ** 2
-    return moved, covariance * max(variance, 1e-6)
+    return moved, change.camera_covariance * max(variance, 1e-6)
 
 
-def _prior(bundle: Bundle, nominal: Bundle, tolerance: Tolerance) -> tuple[F64, F64]:
-    """Return the information of what was stated about poses and camera, and how far off they are."""
-    sd = np.array([tolerance.place_m, tolerance.place_m, tolerance.heading_rad])
-    informed = np.concatenate([np.tile(1 / sd**2, len(bundle.poses)), 1 / np.array(tolerance.camera) ** 2])
-    pull = [(nominal.poses - bundle.poses).ravel(), nominal.camera.values - bundle.camera.values]
-    return informed, np.concatenate(pull)
-
-
-def _blocks(columns: NDArray[np.intp], values: F64, count: int) -> sparse.csr_matrix:
-    """Return a sparse matrix of blocks (O, K, 3), one below the other, each in one of `count` columns."""
-    matrix = (values, columns, np.arange(len(values) + 1))
-    return sparse.bsr_matrix(matrix, shape=(values.shape[1] * len(values), 3 * count)).tocsr()
+def _stated(bundle: Bundle, nominal: Bundle, tolerance: Tolerance) -> Stated:
+    """Return what was stated about poses and camera, how surely, and how far off it is."""
+    sd = np.full(bundle.poses.shape, [tolerance.place_m, tolerance.place_m, tolerance.heading_rad])
+    off = [nominal.poses - bundle.poses, nominal.camera.values - bundle.camera.values]
+    return Stated(1 / np.vstack([sd, tolerance.camera]) ** 2, np.vstack(off))

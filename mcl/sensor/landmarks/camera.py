@@ -115,29 +115,36 @@ def linearize(camera: PinholeCamera, poses: F64, points: F64) -> Linearized:
     ahead, right, up = c * dx + s * dy, s * dx - c * dy, points[:, 2] - camera.height_m
     cp, sp = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
     depth = cp * ahead + sp * up
-    down = sp * ahead - cp * up
     inverse = 1 / np.where(np.abs(depth) < NEAREST_M, NEAREST_M, depth)
-    x, y = right * inverse, down * inverse
+    x, y = right * inverse, (sp * ahead - cp * up) * inverse
     f, k, square = camera.focal_px, camera.distortion, x**2 + y**2
     bent = 1 + k * square
     pixels = np.stack([camera.middle[0] + f * x * bent, camera.middle[1] + f * y * bent], axis=1)
-    by_xy = f * _stack([[bent + 2 * k * x * x, 2 * k * x * y], [2 * k * x * y, bent + 2 * k * y * y]])
-    zero = np.zeros_like(x)
-    # of (x, y) by (ahead, right, up)
-    inner = _stack([[-x * cp, zero + 1, -x * sp], [sp - y * cp, zero, -cp - y * sp]]) * inverse[:, None, None]
-    by_local = by_xy @ inner
-    turn = _stack([[c, s, zero], [s, -c, zero], [zero, zero, zero + 1]])
-    by_point = by_local @ turn
-    by_heading = by_local @ np.stack([-right, ahead, zero], axis=1)[:, :, None]
-    by_tilt = by_xy @ np.stack([x * down * inverse, 1 + y * down * inverse], axis=1)[:, :, None]
-    by_focal = np.stack([f * x * bent, f * y * bent], axis=1)[:, :, None]
-    by_distortion = np.stack([f * x * square, f * y * square], axis=1)[:, :, None]
-    by_pose = np.concatenate([-by_point[:, :, :2], by_heading], axis=2)
-    return Linearized(pixels, depth, by_pose, by_point, np.dstack([by_focal, by_tilt, by_distortion]))
+    by_x, by_y, mixed = f * (bent + 2 * k * x * x), f * (bent + 2 * k * y * y), f * 2 * k * x * y
+
+    def by(dx: F64, dy: F64) -> F64:
+        """Return the derivative (2, O) of pixels by what moves x and y by so much."""
+        return np.stack([by_x * dx + mixed * dy, mixed * dx + by_y * dy])
+
+    by_ahead = by(-x * cp * inverse, (sp - y * cp) * inverse)
+    by_right = np.stack([by_x, mixed]) * inverse
+    by_point = _side_by_side(
+        c * by_ahead + s * by_right,
+        s * by_ahead - c * by_right,
+        by(-x * sp * inverse, (-cp - y * sp) * inverse),
+    )
+    by_pose = by_point.copy()
+    by_pose[:, :, :2] *= -1
+    by_pose[:, :, 2] = (ahead * by_right - right * by_ahead).T
+    by_camera = _side_by_side(
+        np.stack([x, y]) * (f * bent), by(x * y, 1 + y * y), np.stack([x, y]) * (f * square)
+    )
+    return Linearized(pixels, depth, by_pose, by_point, by_camera)
 
 
-def _stack(rows: list[list[F64]]) -> F64:
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+def _side_by_side(*columns: F64) -> F64:
+    """Return derivatives (O, 2, 3) of three columns (2, O)."""
+    return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
 
 
 def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64, F64, NDArray[np.bool_]]:
