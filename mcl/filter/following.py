@@ -134,7 +134,8 @@ def movement_of(sensed: Sequence[Sensed], frame: Frame, past: Updates) -> Measur
     if not past or not len(frame.motions):
         return None
     motion = reduce(compose_motions, frame.motions)
-    movements = (part.movement(motion, earlier(part.name, frame.motions, 0.0, past)) for part in sensed)
+    before = partial(earlier, motions=frame.motions, link=0.0, past=past)
+    movements = (part.movement(motion, before) for part in sensed)
     return next((movement for movement in movements if movement is not None), None)
 
 
@@ -263,59 +264,90 @@ def guided_motion(prediction: Prediction, pose: F64, covariance: F64, share: flo
     """
     before, rng = prediction.before, prediction.rng(Purpose.GUIDE)
     by_movement = np.split(prediction.normals, len(prediction.frame.motions))
-    normals = np.concatenate(by_movement, axis=1, dtype=np.float64)
+    normals = np.concatenate([part.T for part in by_movement], dtype=np.float64)  # (3 M, N)
     outliers = [widths(before.size, prediction.outliers, rng) for rng in prediction.outlier_rngs()]
-    widening = np.repeat(np.stack(outliers, axis=1), 3, axis=1)  # (N, 3 M), more than 1 for outliers
+    widening = np.repeat(np.stack(outliers), 3, axis=0)  # (3 M, N), more than 1 for outliers
     still, by_noise = _linearized(prediction, widening)
-    off = pose - [*before.origin, 0.0] - still
-    off[:, 2] = wrap(off[:, 2])
+    off = (pose - [*before.origin, 0.0])[:, None] - still
+    off[2] = wrap(off[2])
     seen = covariance + LEAST_VARIANCE * np.eye(3)
-    predicted = by_noise @ np.swapaxes(by_noise, 1, 2) + seen
+    predicted = NormalFactor.of(np.einsum("ikn,jkn->ijn", by_noise, by_noise) + seen[:, :, None])
     # a draw from the noise's posterior: one from its prior, moved by what it does not explain (Matheron)
-    missed = rng.standard_normal((len(off), 3)) @ np.linalg.cholesky(seen).T
+    missed = np.linalg.cholesky(seen) @ rng.standard_normal((before.size, 3)).T
     unexplained = off - _applied(by_noise, normals) - missed
-    follow = np.flatnonzero(rng.random(len(off)) < share)
-    change = np.linalg.solve(predicted[follow], unexplained[follow, :, None])[:, :, 0]
-    normals[follow] += np.einsum("nij,ni->nj", by_noise[follow], change)
+    follow = rng.random(before.size) < share
+    change = predicted.solved(np.where(follow, unexplained, 0.0))
+    normals += np.einsum("ijn,in->jn", by_noise, change)
     # Bayes: the posterior's density over the prior's, at any noise
-    seen_density = _log_normal(off - _applied(by_noise, normals), seen[None])
-    gain = seen_density - _log_normal(off, predicted)
+    seen_density = NormalFactor.of(seen[:, :, None]).log_density(off - _applied(by_noise, normals))
+    gain = seen_density - predicted.log_density(off)
     correction = -np.logaddexp(np.log1p(-share), np.log(share) + gain)
     noise, poses = (normals * widening).astype(np.float32), before.poses
-    for movement in range(noise.shape[1] // 3):
-        poses = prediction.move(movement, poses, noise[:, 3 * movement : 3 * movement + 3])
+    for movement in range(len(noise) // 3):
+        poses = prediction.move(movement, poses, noise[3 * movement : 3 * movement + 3].T)
     return ProposedParticles(Belief(poses, before.log_weights, before.origin), correction, is_guided=True)
 
 
 def _linearized(prediction: Prediction, widening: F64) -> tuple[F64, F64]:
-    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals.
+    """Return poses (3, N) without noise, and their derivatives (3, 3 M, N) by the normals.
 
     The particles move once without noise and once with each of the normals changed, all of them together.
     """
-    moved, (count, columns) = prediction.before.poses, widening.shape
+    moved, (columns, count) = prediction.before.poses, widening.shape
     for movement in range(columns // 3):
         before, moved = len(moved), np.concatenate([moved, *[moved[:count]] * 3])
         noise = np.zeros((3, len(moved)), np.float32)  # column by column
         for k in range(3):
             noise[k, before + k * count :][:count] = NOISE_STEP
         moved = prediction.move(movement, moved, noise.T)
-    still = moved[:count].astype(np.float64)
-    by_noise = np.empty((count, 3, columns))
-    for column in range(columns):
-        change = moved[(column + 1) * count :][:count] - still
-        change[:, 2] = wrap(change[:, 2])
-        by_noise[:, :, column] = change / NOISE_STEP * widening[:, column, None]
+    poses = moved.T.reshape(3, columns + 1, count)
+    still = poses[:, 0].astype(np.float64)
+    by_noise = poses[:, 1:] - still[:, None]
+    by_noise[2] = wrap(by_noise[2])
+    by_noise *= widening / NOISE_STEP
     return still, by_noise
 
 
 def _applied(by_noise: F64, normals: F64) -> F64:
-    return np.asarray(np.einsum("nij,nj->ni", by_noise, normals))
+    """Return what normals (3 M, N) do to the poses: (3, N)."""
+    return np.asarray(np.einsum("ijn,jn->in", by_noise, normals))
 
 
-def _log_normal(off: F64, covariance: F64) -> F64:
-    """Return the log-density (N,) of normal distributions (N, 3, 3) at distances (N, 3) from their means.
+@dataclass(frozen=True, slots=True, eq=False)
+class NormalFactor:
+    """Cholesky's factors of covariances (3, 3, N) of normal distributions, or of one (3, 3, 1) for all N.
 
-    Covariances (1, 3, 3) are those of all.
+    An element of all of them at a time: LAPACK takes most of its time for a small matrix to begin.
     """
-    squared = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
-    return np.asarray(-0.5 * (squared + np.log(np.linalg.det(covariance))))
+
+    diagonal: tuple[F64, F64, F64]  # (N,) each
+    below: tuple[F64, F64, F64]  # (N,) each: rows and columns (1, 0), (2, 0), (2, 1)
+
+    @classmethod
+    def of(cls, covariances: F64) -> NormalFactor:
+        """Factor covariances that are not singular."""
+        (a, _, _), (b, d, _), (c, e, f) = covariances
+        first = np.sqrt(a)
+        b, c = b / first, c / first
+        second = np.sqrt(d - b * b)
+        e = (e - b * c) / second
+        return cls((first, second, np.sqrt(f - c * c - e * e)), (b, c, e))
+
+    def _whitened(self, off: F64) -> tuple[F64, F64, F64]:
+        """Return distances (3, N) from the means in standard deviations, independent of each other."""
+        (p, q, r), (b, c, e) = self.diagonal, self.below
+        x = off[0] / p
+        y = (off[1] - b * x) / q
+        return x, y, (off[2] - c * x - e * y) / r
+
+    def solved(self, off: F64) -> F64:
+        """Return the inverse of each covariance times a distance (3, N)."""
+        (p, q, r), (b, c, e), (x, y, z) = self.diagonal, self.below, self._whitened(off)
+        z = z / r
+        y = (y - e * z) / q
+        return np.stack([(x - b * y - c * z) / p, y, z])
+
+    def log_density(self, off: F64) -> F64:
+        """Return the log-density (N,) at distances (3, N) from the means, up to a constant."""
+        (p, q, r), (x, y, z) = self.diagonal, self._whitened(off)
+        return np.asarray(-0.5 * (x * x + y * y + z * z) - np.log(p * q * r))

@@ -10,7 +10,7 @@ share, the robot's chance of having been carried anywhere. Filters with pose sen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Protocol
@@ -23,7 +23,7 @@ from ..sensor.references import HEADING_BINS, NearestReference
 from ..values.arrays import F32, F64, I32
 from ..values.geometry import wrap, wrap_angle
 from ..values.map import Grid
-from ..values.pose_sensor import Earlier, MeasuredMovement, PoseProposal, Sensed
+from ..values.pose_sensor import MeasuredMovement, PoseProposal, ReadBefore, Sensed
 from ..values.randomness import Domain, Purpose, normals_at, stream, words_at
 from ..values.records import Belief, Comparison, Past, StepRecord, uniform_log_weights
 from ..values.session import Frame
@@ -131,11 +131,9 @@ SENSOR_SHARE = 0.8  # share of the drawn poses that are a pose sensor's; the oth
 LEAST_VARIANCE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
 
 
-def proposals_of(
-    sensed: Iterable[Sensed], earlier: Callable[[str], Sequence[Earlier]] = lambda name: ()
-) -> list[PoseProposal]:
+def proposals_of(sensed: Iterable[Sensed], earlier: ReadBefore = lambda name: ()) -> list[PoseProposal]:
     """Return what pose sensors propose, checked by what each of them, by its name, read before."""
-    proposals = (part.confirmed(earlier(part.name)) for part in sensed)
+    proposals = (part.confirmed(earlier) for part in sensed)
     return [proposal for proposal in proposals if proposal is not None]
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -251,6 +251,10 @@ class Earlier:
     trust: float = 0.0  # nats by which what was read up to then speaks for the estimate
 
 
+# What a sensor read before, the latest first, by its name: asked for only where a sensor looks back.
+ReadBefore: TypeAlias = Callable[[str], Sequence[Earlier]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredMovement:
     """How the robot moved since the frame before, as a sensor measures it."""
@@ -307,18 +311,20 @@ class Sensed:
         settled: tuple[F64, float] = (pose, 0.0) if settle is None else settle(self.reading, pose)
         return settled
 
-    def movement(self, motion: F64, earlier: Sequence[Earlier]) -> MeasuredMovement | None:
+    def movement(self, motion: F64, earlier: ReadBefore) -> MeasuredMovement | None:
         """Return the movement that the readings tell of, where wheels measured `motion` (3,)."""
         movement = getattr(self.sensor, "movement", None)
-        measured: MeasuredMovement | None = movement and movement(self.reading, motion, earlier)
+        if movement is None:
+            return None
+        measured: MeasuredMovement | None = movement(self.reading, motion, earlier(self.name))
         return measured
 
-    def confirmed(self, earlier: Sequence[Earlier]) -> PoseProposal | None:
-        """Return what is left of the proposal by what was read before, the latest first."""
+    def confirmed(self, earlier: ReadBefore) -> PoseProposal | None:
+        """Return what is left of the proposal by what was read before."""
         confirmed = getattr(self.sensor, "confirmed", None)
         if confirmed is None or self.proposal is None:
             return self.proposal
-        kept: PoseProposal | None = confirmed(self.reading, self.proposal, earlier)
+        kept: PoseProposal | None = confirmed(self.reading, self.proposal, earlier(self.name))
         return kept
 
     @cached_property

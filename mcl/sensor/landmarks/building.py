@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress
+from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress, keep_freed_memory
 from ..ahead import on_all_cores
 from ..descriptors.registry import reduced
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
@@ -167,8 +167,7 @@ def _keypoints(
         return keypoints_of(small), (small.shape[0], small.shape[1])
 
     none, pictures = keypoints_of(np.zeros((8, 8, 3), np.uint8)), []
-    # glibc keeps twice as much as was freed at once; else OpenCV's memory is fetched anew for every picture
-    np.empty(8 << 20, np.uint8)
+    keep_freed_memory()  # of OpenCV, from picture to picture
     for done, picture in enumerate(on_all_cores(look, used.tolist()), 1):
         pictures.append(picture)
         progress(done, len(used), "landmarks")

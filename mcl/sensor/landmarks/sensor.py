@@ -19,8 +19,22 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-from ...values import EXACT, F32, F64, I32, U8, Frame, PoseProposal, PoseSpread, Region, Shown, place_tree
-from .camera import project
+from ...values import (
+    EXACT,
+    F32,
+    F64,
+    I32,
+    U8,
+    Bool,
+    Frame,
+    PoseProposal,
+    PoseSpread,
+    Region,
+    Shown,
+    keep_freed_memory,
+    place_tree,
+)
+from .camera import reprojected
 from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet
 from .picture import BESIDE, PICTURE, Judged
@@ -61,6 +75,10 @@ class Landmarks:
     pictures: ClassVar[tuple[str, ...]] = (PICTURE, BESIDE)  # titles of those that it shows
     proposes: ClassVar[bool] = True
     in_space: ClassVar[bool] = True  # it shows marks in space
+
+    def __post_init__(self) -> None:
+        """Prepare for arrays of poses times matches, which every update makes and frees."""
+        keep_freed_memory()
 
     @property
     def summary(self) -> str:
@@ -145,7 +163,8 @@ class Landmarks:
         """Return the nats (N,) of poses (N, 3): 0 where all matches are where they should be, else below."""
         camera, area = self.map.fit.camera, self._area_px
         points = (self.map.points[reading.landmark] - [*origin, 0.0]).astype(np.float32)
-        off, depth = project(camera, poses, points)
+        off, depth, seen = reprojected(camera, poses, points)
+        seen &= self._faced(reading, poses, points)
         off -= reading.pixels.T[:, None, :]
         off *= off
         squared = off[0]
@@ -159,13 +178,12 @@ class Landmarks:
             variance = np.add(variance, shifted, out=shifted)
         squared /= -2 * variance
         agree = np.exp(squared, out=squared)
-        agree *= self._faced(reading, poses, points)
+        agree *= seen
         odds = (1 - reading.inlier) / reading.inlier * np.float32(2 * np.pi / area)
         wrong = odds * variance
         agree += wrong
-        agree /= 1 + wrong
-        nats = np.log(agree, out=agree).sum(axis=1)
-        return np.asarray(nats * np.float32(self._share(reading)), np.float32)
+        nats = np.log(agree, out=agree).sum(axis=1) - np.log(1 + wrong).sum(axis=-1)
+        return np.asarray(np.minimum(nats, 0) * np.float32(self._share(reading)), np.float32)
 
     def propose(self, reading: LandmarkReading) -> PoseProposal | None:
         """Return where the matches alone put the robot; None where they agree on nothing.
@@ -222,13 +240,13 @@ class Landmarks:
         """Return what share of the matches' nats counts: many of them share their errors."""
         return INDEPENDENT_MATCHES / max(INDEPENDENT_MATCHES, float(reading.inlier.sum()))
 
-    def _faced(self, reading: LandmarkReading, poses: F32, points: F32) -> F32:
-        """Return 1 where a pose is on the side of a landmark that it was seen from, else 0: (N, K)."""
+    def _faced(self, reading: LandmarkReading, poses: F32, points: F32) -> Bool:
+        """Return where a pose is on the side of a landmark that it was seen from: (N, K)."""
         facing = self.map.facing_rad[reading.landmark]
         c, s = np.cos(facing), np.sin(facing)
-        line = np.stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
-        places = np.column_stack([poses[:, :2], np.ones(len(poses), np.float32)])
-        return np.asarray(places @ line > 0, np.float32)
+        lines = np.column_stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
+        places = np.stack([poses[:, 0], poses[:, 1], np.ones(len(poses), np.float32)])
+        return np.asarray((lines @ places).T > 0)
 
     @cached_property
     def _places(self) -> cKDTree:
