@@ -43,6 +43,7 @@ from .proposal import (
 
 TRACKED_SHARE = 0.01  # of the weight near a mode: with as much, the cloud tracks it by itself
 TRACKED_RAD = np.pi / 6
+TRACKED_COSINE = np.cos(TRACKED_RAD)
 KEPT_UPDATES = 40
 # Where two estimates differ from odometry by less, their difference is the better measure of the movement.
 SAME_M, SAME_RAD = 0.3, 0.2
@@ -242,16 +243,17 @@ def _deviation_m(belief: Belief) -> float:
 
 def _deviation_rad(belief: Belief) -> float:
     """Return the circular standard deviation of a cloud's headings."""
-    mean = abs(belief.weights @ np.exp(1j * belief.poses[:, 2].astype(np.float64)))
+    heading = belief.poses[:, 2].astype(np.float64)
+    mean = np.hypot(belief.weights @ np.cos(heading), belief.weights @ np.sin(heading))
     return float(np.sqrt(-2 * np.log(np.clip(mean, 1e-12, 1.0))))
 
 
 def _weight_near(pose: F64, predicted: Belief, reach_m: float) -> float:
     """Return the weight of the particles near a pose (3,) in the map's frame."""
     x, y, heading = predicted.poses.T
-    away = np.hypot(x - (pose[0] - predicted.origin[0]), y - (pose[1] - predicted.origin[1]))
-    turned = np.abs(wrap_angle(heading - pose[2]))
-    return float(predicted.weights[(away < reach_m) & (turned < TRACKED_RAD)].sum())
+    dx, dy = x - (pose[0] - predicted.origin[0]), y - (pose[1] - predicted.origin[1])
+    near = (dx * dx + dy * dy < reach_m**2) & (np.cos(heading - pose[2]) > TRACKED_COSINE)
+    return float(predicted.weights @ near)
 
 
 # Guided motion.

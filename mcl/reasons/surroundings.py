@@ -126,12 +126,15 @@ class Surroundings:
         others = np.flatnonzero(squared > self.lost_m**2)
         if not comparison.channels or not len(likely) or not len(near) or not len(others):
             return None
-        here, there = self._likelihoods(whole, truth, estimate)
+        poses = np.concatenate([self._relative(truth), self._relative(estimate)])
+        nats = self.sensor.at(comparison, poses).log_likelihood
+        here = float(nats[0])
         if not np.isfinite(here):
             return None
-        there -= here
-        if whole is not comparison:
-            here = self._likelihoods(comparison, truth)[0]
+        sensed = None if whole is comparison else self.sensor.sense_at(whole, poses)
+        if sensed is not None:
+            nats = nats + np.float32(self.sensor.parameters.sharpness) * sensed
+        there = float(nats[1]) - float(nats[0])
         entry = int(near[comparison.cost[near].argmin()])
         likely_there = likely[others]
         best = int(others[likely_there.argmax()])
@@ -162,12 +165,6 @@ class Surroundings:
         references = index.references[[fit.entry, fit.other]]
         adds = contributions(distance, sensor.measure(image)[name], references, index)
         return np.asarray(adds[0] - adds[1])
-
-    def _likelihoods(self, comparison: Comparison, *poses: F64) -> list[float]:
-        """Return the log-likelihood of a particle at each pose (3,); -inf outside the map."""
-        sensor, relative = self.sensor, np.concatenate([self._relative(pose) for pose in poses])
-        nats: list[float] = sensor.at(comparison, relative).log_likelihood.tolist()
-        return nats
 
     @cached_property
     def usual(self) -> UsualFit:

@@ -34,7 +34,7 @@ from ...values import (
     keep_freed_memory,
     place_tree,
 )
-from .camera import reprojected
+from .camera import FARTHEST_M, reprojected
 from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet
 from .picture import BESIDE, PICTURE, Judged
@@ -172,7 +172,7 @@ class Landmarks:
         turned = np.float32((camera.focal_px * spread.heading_rad) ** 2)
         variance: Any = self._variance_px[reading.landmark] + turned
         if spread.position_m:
-            near = np.maximum(depth, np.float32(self._nearest_m), out=depth)
+            near = np.clip(depth, np.float32(self._nearest_m), FARTHEST_M, out=depth)
             shifted = np.divide(np.float32(camera.focal_px * spread.position_m), near, out=near)
             shifted *= shifted
             variance = np.add(variance, shifted, out=shifted)

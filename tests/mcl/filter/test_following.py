@@ -16,6 +16,7 @@ from maurice_mcl.filter.following import (
     SUPPORT_SHARE,
     GuidedMotionParameters,
     GuidedProposal,
+    NormalFactor,
     begun,
     guided_motion,
     kept,
@@ -81,6 +82,20 @@ def test_weighted_means_are_those_of_the_motion_model_wherever_the_proposal_is(m
     error = np.sqrt((wanted.var(axis=1) + each.var(axis=1)) / N)
     off = np.abs(each.mean(axis=1) - wanted.mean(axis=1))
     assert (off < 4 * error + 1e-9).all(), off / error
+
+
+@pytest.mark.parametrize("count", [1, 40])
+def test_written_out_factors_solve_and_weigh_as_numpy_does(count):
+    """Of one covariance for all, or of one each; correlated ones with deviations from 1 to 1000."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(0, 1, (count, 3, 3)) * np.array([1e-3, 1.0, 0.03])[:, None]
+    covariances = root @ np.swapaxes(root, 1, 2) + 1e-6 * np.eye(3)
+    off = rng.normal(0, 0.1, (40, 3))
+    factor = NormalFactor.of(covariances.transpose(1, 2, 0))
+    solved = np.linalg.solve(covariances, off[:, :, None])[:, :, 0]
+    log_density = -0.5 * (np.sum(off * solved, axis=1) + np.log(np.linalg.det(covariances)))
+    np.testing.assert_allclose(factor.solved(off.T).T, solved, rtol=1e-7, atol=1e-9 * np.abs(solved).max())
+    np.testing.assert_allclose(factor.log_density(off.T), log_density, rtol=1e-7)
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.9])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from helpers import expect_facts
+from maurice_mcl.sensor.landmarks.camera import linearize
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.sensor.landmarks.things import besides_one_thing, things_of
@@ -97,6 +98,31 @@ def test_likelihood_is_zero_at_perfect_agreement_and_bounded(landmarks, room):
     assert (nats[1:] < -5).all()
     assert np.isfinite(nats).all()
     assert nats[2] == pytest.approx(nats[3], rel=0.05)
+
+
+@pytest.mark.parametrize("spread", [EXACT, PoseSpread(0.1, 0.2)], ids=["exact", "spread"])
+def test_likelihood_is_the_sum_that_the_page_gives(landmarks, reading, spread):
+    poses = POSE + np.random.default_rng(6).normal(0, 1, (40, 3)) * [0.2, 0.2, 0.1]
+    poses[0] = [POSE[0], POSE[1], POSE[2] + np.pi]  # most landmarks are behind the camera
+    map_of, camera = landmarks.map, landmarks.map.fit.camera
+    points, facing = map_of.points[reading.landmark], map_of.facing_rad[reading.landmark]
+    wanted = []
+    for pose in poses:
+        seen = linearize(camera, np.broadcast_to(pose, points.shape), points)
+        sight = pose[:2] - points[:, :2]
+        agrees = (seen.depth > 0.05) & (sight[:, 0] * np.cos(facing) + sight[:, 1] * np.sin(facing) > 0)
+        squared = ((seen.pixels - reading.pixels) ** 2).sum(axis=1)
+        widening = spread.heading_rad**2
+        if spread.position_m:
+            widening = widening + (spread.position_m / np.maximum(seen.depth, landmarks._nearest_m)) ** 2
+        variance = landmarks._variance_px[reading.landmark] + camera.focal_px**2 * widening
+        right = agrees * np.exp(-squared / (2 * variance))
+        odds = (1 - reading.inlier) / reading.inlier
+        wrong = odds * 2 * np.pi * variance / (camera.width_px * camera.height_px)
+        nats = np.log((right + wrong) / (1 + wrong)).sum()
+        wanted.append(nats * 4 / max(4, reading.inlier.sum()))
+    nats = landmarks.log_likelihood(reading, near(poses), ORIGIN, spread)
+    np.testing.assert_allclose(nats, wanted, rtol=2e-3, atol=0.01)
 
 
 def test_likelihood_is_highest_near_the_truth(landmarks, reading):
