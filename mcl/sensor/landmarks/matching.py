@@ -102,11 +102,12 @@ def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
 
     Returns the numbers of both and their distances.
     """
-    other = product.argmax(axis=1)
-    mutually = np.flatnonzero(product.argmax(axis=0)[other] == np.arange(len(product)))
-    other, rows = other[mutually], product[mutually]
-    line = np.arange(len(mutually))
-    near = np.sqrt(np.maximum(2 - 2 * rows[line, other], 0))
+    line, other = np.arange(len(product)), product.argmax(axis=1)
+    nearest = product[line, other]
+    # the largest of each column is found in a fraction of the time of where it is
+    mutually = np.flatnonzero(nearest == product.max(axis=0)[other])
+    line, other, rows = line[: len(mutually)], other[mutually], product[mutually]
+    near = np.sqrt(np.maximum(2 - 2 * nearest[mutually], 0))
     rows[line, other] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
     kept = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
