@@ -36,7 +36,7 @@ def with_landmarks(
     """Return a library with landmarks, if its pictures allow any; else the same, and `warn` is told why.
 
     `camera` replaces what the library knows of its camera; what neither knows is fitted. They are kept in
-    the user's cache: finding those of 624 references takes 12 to 17 s of CPU the first time.
+    the user's cache: finding those of 624 references takes 5 to 6 s of CPU the first time.
 
         >>> from maurice_loaders import open_library, with_landmarks
         >>> library = with_landmarks(open_library("survey.log", channels=["color"]))

@@ -19,10 +19,13 @@ BLUR_PX = 1.5  # sd: dark pixels' noise would otherwise color them
 def opponents(image: U8) -> tuple[F32, F32, F32]:
     """Return r, g and brightness R + G + B over black, of every other row and column of a blurred picture."""
     smooth = cv2.GaussianBlur(image, (0, 0), BLUR_PX)[::2, ::2]
-    light = np.maximum(smooth.astype(np.float32) - np.float32(BLACK), 0)
-    total = light.sum(axis=2)
-    share = light[..., :2] / np.maximum(total, np.float32(DARKEST))[..., None]
-    return share[..., 0], share[..., 1], total
+    # a plane at a time: numpy takes several times as long along an axis of three
+    light = np.ascontiguousarray(smooth.transpose(2, 0, 1), np.float32)
+    light -= np.float32(BLACK)
+    red, green, blue = np.clip(light, 0, None, out=light)
+    total = red + green + blue
+    usable = np.clip(total, np.float32(DARKEST), None)
+    return red / usable, green / usable, total
 
 
 def _bin(share: F32) -> F32:
