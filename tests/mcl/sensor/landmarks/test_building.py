@@ -12,7 +12,12 @@ from maurice_mcl.sensor.landmarks import building
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.camera import linearize
 from maurice_mcl.sensor.landmarks.landmark_set import LandmarkSet
-from maurice_mcl.sensor.landmarks.matching import spread_out
+from maurice_mcl.sensor.landmarks.matching import (
+    MOST_DESCRIPTOR_DISTANCE,
+    RATIO_TEST,
+    mutual,
+    spread_out,
+)
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 
 from .conftest import CAMERA, KNOWN, built
@@ -125,3 +130,31 @@ def test_views_of_a_part_of_a_library_are_numbered_as_in_the_library(room, refer
     np.testing.assert_array_equal(found.poses[unused], stated[unused])
     seen = linearize(CAMERA, true[found.view_of[:, 0]], found.points[found.view_of[:, 1]]).pixels
     assert np.median(np.hypot(*(seen - found.view_px).T)) < 3
+
+
+def test_landmarks_are_the_same_to_the_last_bit_on_one_core_and_on_many(room, references, monkeypatch):
+    arrays = []
+    for cores in (1, 4):
+        monkeypatch.setattr("os.cpu_count", lambda cores=cores: cores)
+        arrays.append(built(room, references, KNOWN).to_arrays())
+    for name, values in arrays[0].items():
+        np.testing.assert_array_equal(arrays[1][name], values, err_msg=name)
+
+
+def test_mutual_matches_are_each_others_nearest_and_clearly_nearer_than_the_next():
+    rng = np.random.default_rng(3)
+    looks = rng.random((70, 16)) ** 4
+    seen = [looks[:50], looks[20:] + 0.05 * rng.random((50, 16))]
+    first, second = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in seen)
+    product = (first @ second.T).astype(np.float32)
+    apart = np.sqrt(2 - 2 * product.astype(np.float64))
+    wanted = {
+        (a, b)
+        for a, b in enumerate(apart.argmin(axis=1).tolist())
+        if apart[:, b].argmin() == a
+        and apart[a, b] < min(RATIO_TEST * np.sort(apart[a])[1], MOST_DESCRIPTOR_DISTANCE)
+    }
+    rows, columns, distances = mutual(product.copy())
+    assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == wanted
+    assert len(wanted) > 15
+    np.testing.assert_allclose(distances, apart[rows, columns], atol=1e-3)
