@@ -4,6 +4,7 @@
 - `camera`: where points fall in a picture, for many poses at once
 - `matching`: which keypoints of which references show the same thing
 - `bundle`: where these things are, and what camera and poses make all views agree
+- `normal_equations`: the least squares of that, solved without the points
 - `calibration`: the camera, fitted from the library itself
 - `records`: from where each landmark was seen, and from where it could have been
 - `building`: all of these, from a library to its landmarks
