@@ -14,7 +14,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.libraries.completed import LANDMARKS, completed
+from maurice_loaders.libraries.completed import FOUND_IN_PICTURES, completed
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
@@ -90,7 +90,7 @@ class Bench:
     def _library(self, asked: Configuration) -> Library:
         """Return the library with all that a filter compares by."""
         sensor = asked.parameters.sensor
-        key = repr((LANDMARKS in sensor.weights, sensor.channels))
+        key = repr(([name in sensor.weights for name in FOUND_IN_PICTURES], sensor.channels))
         if key not in self._libraries:
             (self._libraries[key],) = completed([asked], self.library, self.info)
         return self._libraries[key]

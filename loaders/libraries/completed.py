@@ -1,8 +1,9 @@
-"""A library with all that filters compare by: channels of the users' own, and landmarks."""
+"""A library with all that filters compare by: channels of the users' own, landmarks, and keypoints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from maurice_mcl.config.parameters import Configuration
@@ -11,7 +12,7 @@ from maurice_mcl.values import Library, NamedProgress, SessionInfo
 
 from ..errors import InputError
 
-LANDMARKS = "landmarks"  # as a key of `sensor.weights`
+FOUND_IN_PICTURES = ("landmarks", "keypoints")  # keys of `sensor.weights`
 
 
 def with_channels(
@@ -38,18 +39,29 @@ def completed(
     progress: NamedProgress | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> list[Library]:
-    """Return the library of each filter: with landmarks and the user's channels, where it compares by them.
+    """Return the library of each filter: with the channels, landmarks and keypoints that it compares by.
 
     `info` is of the session, whose camera counts where the library knows none. InputError for channels of
     one name that are not the same.
     """
     library = with_channels(configurations, library, progress)
-    asks = [LANDMARKS in configuration.parameters.sensor.weights for configuration in configurations]
-    if not any(asks):
-        return [library] * len(asks)
-    from .landmarks import with_landmarks
-
+    asked = [configuration.parameters.sensor.weights for configuration in configurations]
     cameras = () if info is None else info.cameras
     camera = library.camera or (cameras[0] if cameras else None)
-    marked = with_landmarks(library, camera=camera, progress=progress, warn=warn)
-    return [marked if asked else library for asked in asks]
+    whole = library
+    if any("landmarks" in weights for weights in asked):
+        from .landmarks import with_landmarks
+
+        whole = with_landmarks(whole, camera=camera, progress=progress, warn=warn)
+    if any("keypoints" in weights for weights in asked):
+        from .keypoints import with_keypoints
+
+        whole = with_keypoints(whole, progress)
+    libraries = {frozenset(library.sensors): library, frozenset(whole.sensors): whole}
+    each = list[Library]()
+    for weights in asked:
+        names = frozenset(name for name in whole.sensors if name in library.sensors or name in weights)
+        if names not in libraries:
+            libraries[names] = replace(library, sensors={name: whole.sensors[name] for name in names})
+        each.append(libraries[names])
+    return each

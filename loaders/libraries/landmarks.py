@@ -6,7 +6,9 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -52,7 +54,7 @@ def with_landmarks(
         # SciPy's sparse matrices: what is kept does not wait for them
         from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 
-        built = build_landmarks(library, known, lambda entry: _picture(library.pictures[entry]), progress)
+        built = build_landmarks(library, known, partial(picture_of, library), progress)
         if isinstance(built, NoLandmarks):
             if warn:
                 warn(f"the library {library.name!r} has no landmarks: {built.reason}")
@@ -72,17 +74,22 @@ def with_landmarks(
 
 def _key(library: Library, camera: Camera | None) -> str:
     """Name a library's landmarks by what they are made of: poses, pictures, camera."""
+    return key_of(library, VERSION, None if camera is None else asdict(camera))
+
+
+def key_of(library: Library, *about: Any) -> str:
+    """Name what is made of a library's poses and pictures, and of values (as JSON)."""
     files = [str(path) for path in library.pictures if path is not None]
-    about = [VERSION, cv2.__version__, None if camera is None else asdict(camera), len(library.pictures)]
-    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    also = [*about, cv2.__version__, len(library.pictures)]
+    digest = hashlib.sha256(json.dumps(also, sort_keys=True).encode())
     digest.update(np.ascontiguousarray(library.poses).tobytes())
-    contents = remembered("landmarks", files, lambda: hashes_of(files))
-    digest.update(contents.encode())
+    digest.update(remembered("pictures", files, lambda: hashes_of(files)).encode())
     return digest.hexdigest()[:32]
 
 
-def _picture(path: Path | None) -> U8 | None:
-    """Return a picture, or None where it is not kept, is gone or cannot be read."""
+def picture_of(library: Library, entry: int) -> U8 | None:
+    """Return the picture of an entry, or None where it is not kept, is gone or cannot be read."""
+    path = library.pictures[entry]
     if path is None:
         return None
     try:

@@ -12,7 +12,7 @@ import numpy as np
 from maurice_datasets.trials.recognition import PlaceRecognition
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
-from maurice_loaders.libraries.completed import with_channels
+from maurice_loaders.libraries.completed import completed
 from maurice_loaders.reading.options import Reading
 from maurice_mcl.config.build import adapted, own_scaled
 from maurice_mcl.config.parameters import Layer, configure
@@ -23,7 +23,7 @@ from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, s
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.values import F64, Library, plain, plain_value
+from maurice_mcl.values import F64, POSE_SENSORS, Library, plain, plain_value
 
 from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import look_up_drive, score_feature
@@ -173,9 +173,10 @@ def check_library(
         options = reading or Reading()
         recorded = open_session(Path(drive), options, listener)
     configuration = Filter(feature=feature).configuration()
-    opened = with_channels([configuration], opened, listener.progress)
+    info = None if recorded is None else recorded.info
+    (opened,) = completed([configuration], opened, info, listener.progress, listener.warning)
     weights = configuration.parameters.sensor.weights
-    missing = [name for name in weights if name not in opened.index]
+    missing = [name for name in weights if name not in {*opened.index, *POSE_SENSORS}]
     if missing:
         content = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
         raise InputError(path, f"{content}, and {missing[0]} is wanted; build the library again")

@@ -303,12 +303,14 @@ def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) ->
     if not {"nearest": False, "interpolated": True}[p.references.method] or not model.weights:
         return model
     poses, index, how = library.poses, {}, p.references.interpolation
+    sources = model.sources
     if how.virtual:
         virtual = virtual_references(library.poses, library.arena, library.keep)
         poses = np.concatenate([library.poses, virtual.poses])
         index = virtual.extend({name: library.index[name] for name in model.weights})
+        sources = virtual.sources
     lookup = interpolated_reference(nearest, poses, library.arena, how, library.keep)
-    return replace(model, references=lookup, index=index)
+    return replace(model, references=lookup, index=index, sources=sources)
 
 
 def _spread(library: Library, nearest: NearestReference) -> PoseSpread:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
-from ..values import F64, I32, I64, Bool, Progress, wrap_angle
+from ..values import F64, I32, I64, Bool, Frame, Progress, wrap_angle
 from .drive_score import DrivePicture
 
 RIGHT_RAD = float(np.radians(30))  # as of an estimate that is correct
@@ -80,21 +80,26 @@ def look_up(
     weights = dict.fromkeys(library.index, 0.0) | sensor.weights
     every = replace(sensor, index={}, parameters=replace(parameters, weights=weights))
     rows, distances = list[I32](), list[F64]()
-    mixes = _mixes(sensor.weights, tuple(weights))
+    verifying = [name for name, each in sensor.sensors.items() if hasattr(each, "verify")]
+    used = {**sensor.weights, **dict.fromkeys(verifying, 1.0)}
+    mixes = _mixes(used, tuple(weights), verifying)
     ranked = list[int]()
     for number, picture in enumerate(pictures):
         right = right_references(library.poses, picture.truth, right_m)
         image = picture.read() if right.any() else None
         if image is not None:
-            comparison = every.compare(measured(image, weights, known)[0])
-            costs = mixes @ np.asarray(comparison.channel_cost, np.float64)  # (ways, L)
+            frame = Frame(number, 0.0, np.zeros((0, 3)), image, "")
+            readings = {name: sensor.sensors[name].read(frame) for name in verifying}
+            comparison = every.compare(measured(image, weights, known)[0], readings)
+            verified = [part.weight * part.cost for part in comparison.sensed]
+            costs = mixes @ np.array([*comparison.channel_cost, *verified], np.float64)  # (ways, L)
             order = np.argsort(costs, axis=1, kind="stable")
             rows.append((right[order].argmax(axis=1) + 1).astype(np.int32))
             distances.append(costs.min(axis=1))
             ranked.append(number)
         if progress is not None:
             progress(number + 1, len(pictures))
-    names = [*weights, TOGETHER, *(sensor.weights if len(sensor.weights) > 1 else ())]
+    names = [*weights, TOGETHER, *(used if len(used) > 1 else ())]
     rank = np.array(rows, np.int32).reshape(-1, len(names))
     distance = np.array(distances, np.float64).reshape(-1, len(names))
     rankings = [Ranking(rank[:, k], distance[:, k]) for k in range(len(names))]
@@ -110,11 +115,12 @@ def look_up(
     )
 
 
-def _mixes(used: Mapping[str, float], names: Sequence[str]) -> F64:
-    """Return weights (ways, C) of channels: each alone, those in use together, and without each of these."""
+def _mixes(used: Mapping[str, float], channels: Sequence[str], verifying: Sequence[str]) -> F64:
+    """Return weights (ways, C): each channel alone, all that is in use together, and without each of it."""
+    names = [*channels, *verifying]
     whole = np.array([used.get(name, 0.0) for name in names])
     without = [np.where(np.array(names) == name, 0.0, whole) for name in used if len(used) > 1]
-    return np.array([*np.eye(len(names)), whole, *without])
+    return np.array([*np.eye(len(channels), len(names)), whole, *without])
 
 
 def right_references(poses: F64, truth: F64, right_m: float) -> Bool:

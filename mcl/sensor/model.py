@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..values.arrays import F32, F64, U8
+from ..values.arrays import F32, F64, I32, U8
 from ..values.library import ChannelIndex, Library
 from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed, spread_between
 from ..values.records import Comparison, Sighting
@@ -143,6 +143,7 @@ class SensorModel:
     # each channel in use, extended by virtual references; empty: the library's own
     index: Mapping[str, ChannelIndex] = field(default_factory=dict)
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # pose sensors in use, by name
+    sources: I32 = field(default_factory=lambda: np.zeros((0, 1), np.int32))  # (V, n) of virtual references
     spread: PoseSpread = EXACT  # of the poses that one of the library's references stands for
 
     @property
@@ -179,23 +180,43 @@ class SensorModel:
         self, descriptors: Mapping[str, F32], readings: Mapping[str, Any] | None = None
     ) -> Comparison:
         """Compare with all L entries and the virtual references; nothing here depends on the particles."""
-        comparison = self._compare_channels(descriptors)
-        if not readings:
+        comparison, sensed = self._compare_channels(descriptors), list[Sensed]()
+        for name, reading in (readings or {}).items():
+            if hasattr(self.sensors[name], "verify"):
+                comparison = self._verified(comparison, name, reading)
+            else:
+                sensed.append(self._sense(name, reading))
+        if not sensed:
             return comparison
-        sensed = tuple(self._sense(name, reading) for name, reading in readings.items())
+        verified, sensed = comparison.sensed, [*comparison.sensed, *sensed]
         if not comparison.channels and not any(part.cost.any() for part in sensed):
-            return replace(comparison, sensed=sensed)
-        costs = [np.float32(part.weight) * part.cost for part in sensed]
+            return replace(comparison, sensed=tuple(sensed))
+        costs = [np.float32(part.weight) * part.cost for part in sensed[len(verified) :]]
         nats = sum(costs, np.zeros_like(comparison.cost))
+        return replace(
+            self._with(comparison, nats), sensed=tuple(sensed), of_channels=comparison.log_likelihood
+        )
+
+    def _with(self, comparison: Comparison, nats: F32) -> Comparison:
+        """Return a comparison in which each reference (L,) costs so much more."""
         cost = comparison.cost + nats
         return replace(
             comparison,
             cost=cost,
             quality=relative_quality(cost),
             log_likelihood=comparison.log_likelihood - np.float32(self.parameters.sharpness) * nats,
-            sensed=sensed,
-            of_channels=comparison.log_likelihood,
         )
+
+    def _verified(self, comparison: Comparison, name: str, reading: Any) -> Comparison:
+        """Return channels' comparison as a sensor verifies it; a virtual reference has its sources' mean."""
+        sensor: Any = self.sensors[name]
+        weight = self.parameters.weights.get(name, 1.0)
+        part = Sensed(sensor, reading, weight, sensor.verify(reading, comparison.log_likelihood))
+        nats = np.float32(weight) * part.cost
+        virtual = comparison.virtual
+        if len(virtual):
+            virtual = virtual - np.float32(self.parameters.sharpness) * nats[self.sources].mean(axis=1)
+        return replace(self._with(comparison, nats), virtual=virtual, sensed=(*comparison.sensed, part))
 
     def only(self, channel: str) -> SensorModel:
         """Return the model with one channel in use, and no pose sensor."""

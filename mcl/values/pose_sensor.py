@@ -21,7 +21,7 @@ from .nearest import nearest_apart
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
-POSE_SENSORS = ("landmarks", "laser")  # ours, as keys of `sensor.weights`
+POSE_SENSORS = ("landmarks", "keypoints", "laser")  # ours, as keys of `sensor.weights`
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,9 @@ class PoseSensor(Protocol):
     left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
     `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables;
     `smooths`, true for one that is asked for a particle's nats with the spread to its neighbors;
-    `weighs_references`, false for one that need not say how well a library's references agree. One that
+    `weighs_references`, false for one that need not say how well a library's references agree; `verify`, of
+    one that weighs these and no poses: `verify(reading, log_likelihood)` returns what each costs (L,) beside
+    what channels say of it. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
     not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains
     the reading, None where it may, so that nothing is proposed; and `confirmed(reading, proposal, earlier)`:
@@ -282,6 +284,11 @@ class Sensed:
     def name(self) -> str:
         """The name of the sensor."""
         return self.sensor.name
+
+    @property
+    def verifies(self) -> bool:
+        """Whether it weighs references, for the channels, and no poses."""
+        return hasattr(self.sensor, "verify")
 
     def is_explained(self, poses: F32, weights: F64, origin: F64) -> bool | None:
         """Return whether a cloud (N, 3) explains the reading; None where the map cannot tell."""

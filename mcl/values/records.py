@@ -153,13 +153,13 @@ class Comparison:
 
     @property
     def by_channels(self) -> Comparison:
-        """The same without pose sensors, which know every particle's own pose.
+        """The same without pose sensors, which know every particle's own pose, as it was verified.
 
         Not kept: a value that held itself would wait for Python's collector.
         """
-        if not self.sensed or self.of_channels is None:
+        if self.of_channels is None:
             return self
-        nats = sum(part.weight * part.cost for part in self.sensed)
+        nats = sum(part.weight * part.cost for part in self.sensed if not part.verifies)
         cost = np.maximum(self.cost - nats, np.float32(0))
         quality = 1 - cost / max(float(cost.max(initial=0.0)), 1e-9)
         return replace(

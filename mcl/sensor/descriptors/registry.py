@@ -280,6 +280,7 @@ FEATURES: Mapping[str, Mapping[str, float]] = {
     "blended": {"color": 0.63, "edges": 0.57},  # the thesis's two
     "best": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21},  # of all sets tried
     # pose sensors, which weigh every particle at its own pose (pose_sensor.py)
+    "verified": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21, "keypoints": 0.1},
     "landmarks": {"landmarks": 1.0},
     "all": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21, "landmarks": 1.0},
 }
