@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all check gate golden bench speed thesis results laser studies fuzz stops soak docs release-check clean
+.PHONY: demo test test-all check gate golden bench speed thesis results laser recordings studies fuzz stops soak docs release-check clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -70,6 +70,12 @@ results: .venv/installed-dev
 LOGS ?= logs
 laser: .venv/installed-dev
 	$(BIN)/python -m benchmarks.studies.laser $(LOGS) $(if $(SEEDS),--seeds $(SEEDS)) $(if $(OUT),-o $(OUT))
+
+# What features find in your own real pictures, and how filters do on your real drives (docs/real-recordings.md): a
+# quarter of an hour for three sets, and it goes on where it stopped. RECORDINGS=DIR holds a folder for each set.
+RECORDINGS ?= recordings
+recordings: .venv/installed-dev
+	$(BIN)/python -m benchmarks.studies.recordings $(RECORDINGS) $(if $(OUT),-o $(OUT))
 
 # How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
 # they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).

@@ -23,6 +23,7 @@ from maurice_mcl.errors import front_page
 if TYPE_CHECKING:
     from .errors import InputError as InputError
     from .formats.registry import open_session as open_session
+    from .libraries.keypoints import with_keypoints as with_keypoints
     from .libraries.landmarks import with_landmarks as with_landmarks
     from .libraries.store import build_library as build_library
     from .libraries.store import open_library as open_library

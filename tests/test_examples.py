@@ -19,7 +19,7 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
 
 FRONT_PAGES = ("maurice_mcl", "maurice_loaders", "maurice_datasets", "maurice_viz")
-RAISE_NOTHING = ("score", "table", "tiny_library", "tiny_session", "with_landmarks")
+RAISE_NOTHING = ("score", "table", "tiny_library", "tiny_session", "with_landmarks", "with_keypoints")
 EXAMPLES = [
     (page, name)
     for page in FRONT_PAGES

@@ -21,7 +21,15 @@ NO_PICTURE: U8 = np.zeros((8, 8, 3), np.uint8)  # in place of one that is gone: 
 
 
 def with_keypoints(library: Library, progress: NamedProgress | None = None) -> Library:
-    """Return a library with the keypoints of its pictures: 3 s of CPU the first time, for 624."""
+    """Return a library with the keypoints of its pictures, for features that verify references.
+
+    They are kept in the user's cache: finding those of 624 references takes 3 s of CPU the first time.
+
+        >>> from maurice_loaders import open_library, with_keypoints
+        >>> library = with_keypoints(open_library("survey.log", channels=["color"]))
+        >>> list(library.sensors)
+        ['keypoints']
+    """
     if KEYPOINTS in library.sensors:
         return library
     kept = cache_root() / KEYPOINTS / f"{key_of(library, VERSION)}.npz"

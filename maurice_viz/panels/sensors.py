@@ -123,8 +123,9 @@ class SensorsPanel(Panel):
 
     def _draw(self, rec: rr.RecordingStream, name: str, shown: Shown) -> None:
         words = say_shown(shown, self._library.arena, self._scale)
-        mark_words = BEAM_WORDS if name == LASER else MARK_WORDS
-        self._draw_words(rec, name, f"{words}\n\n{mark_words}" if shown.marks else words)
+        if shown.marks and not hasattr(self._sensors[name], "verify"):  # which judges no pose
+            words += f"\n\n{BEAM_WORDS if name == LASER else MARK_WORDS}"
+        self._draw_words(rec, name, words)
         for title in titles_of(self._sensors[name]):
             image = self._image(shown.pictures.get(title, NO_PICTURE))
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, JPEG_QUALITY))

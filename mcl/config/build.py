@@ -111,8 +111,9 @@ def make_localizer(
 
 def _without(library: Library, missing: Sequence[str]) -> str:
     lacking = f"the library {library.name!r} holds no {', '.join(missing)}: the other channels are used alone"
-    advice = "maurice_loaders.with_landmarks(library) finds some in its pictures"
-    return f"{lacking}; {advice}" if "landmarks" in missing else lacking
+    finding = [f"with_{name}" for name in missing if name in ("landmarks", "keypoints")]
+    advice = f"{' and '.join(finding)} of maurice_loaders find some in its pictures"
+    return f"{lacking}; {advice}" if finding else lacking
 
 
 def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:
@@ -132,6 +133,11 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     holds = {**library.index, **library.sensors}
     missing = tuple(name for name in weights if name not in holds)
     kept = {name: weight for name, weight in weights.items() if name in holds}
+    if "keypoints" in kept and not any(kept[name] for name in kept if name in library.index):
+        found = ", ".join(kept)
+        raise InputError(
+            None, f"sensor.weights: found {found}, expected a channel, whose finds keypoints verify"
+        )
     if not missing:
         return configuration, ()
     lacking = [name for name in missing if name not in POSE_SENSORS]

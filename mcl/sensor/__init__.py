@@ -10,6 +10,7 @@ Nothing here moves, weighs or resamples particles, which is the work of `filter`
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `outside`: pose sensors of other packages, loaded by name
+- `verification`: the references that fit best, compared again by keypoints
 - `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own
 - `laser`: a planar laser on an occupancy grid, another pose sensor
 """

@@ -20,6 +20,8 @@ from maurice_mcl.sensor.verification import BESIDE, MOST_MATCHES, VERIFIED, Keyp
 from maurice_mcl.values import ChannelIndex, Frame
 
 SIZE = 240, 320
+REFERENCES = 40
+NONE = mcl.PoseSpread()
 
 
 def _picture(seed):
@@ -38,6 +40,7 @@ def _frame(image):
 def world():
     """A library of 40 pictures, and a color channel that knows nothing: all references are alike to it."""
     library = make_world().library
+    library = replace(library, poses=library.poses[:REFERENCES], pictures=library.pictures[:REFERENCES])
     images = [_picture(seed) for seed in range(library.size)]
     row = CHANNELS["color"].describe(images[0])
     index = {"color": ChannelIndex(np.tile(row, (library.size, 1)), np.zeros_like(row), row)}
@@ -89,7 +92,8 @@ def test_nats_are_the_weight_times_the_matches_that_lack_in_all_that_weighs(worl
     for weight, sharpness in ((0.1, 1.0), (0.05, 2.0)):
         seen = _sensor(library, weight, sharpness).see(frame)
         (part,) = seen.sensed
-        assert part.verifies and part.name == "keypoints"
+        assert part.verifies
+        assert part.name == "keypoints"
         assert seen.cost == pytest.approx(plain.cost + weight * part.cost, abs=1e-5)
         fell = plain.log_likelihood * sharpness - seen.log_likelihood
         assert fell == pytest.approx(sharpness * weight * part.cost, abs=1e-4)
@@ -115,7 +119,8 @@ def test_a_virtual_reference_has_the_mean_of_its_sources(world):
     seen, before = sensor.see(_frame(images[20])), plain.see(_frame(images[20]))
     (part,) = seen.sensed
     lost = before.virtual - seen.virtual
-    assert len(lost) and lost == pytest.approx(0.1 * part.cost[sensor.sources].mean(axis=1), abs=1e-4)
+    assert len(lost)
+    assert lost == pytest.approx(0.1 * part.cost[sensor.sources].mean(axis=1), abs=1e-4)
 
 
 def test_with_landmarks_or_another_pose_sensor_both_count(world):
@@ -127,7 +132,7 @@ def test_with_landmarks_or_another_pose_sensor_both_count(world):
         def read(self, frame):
             return 0.0
 
-        def log_likelihood(self, reading, poses, origin, spread=mcl.PoseSpread()):
+        def log_likelihood(self, reading, poses, origin, spread=None):
             return -np.abs(poses[:, 2]).astype(np.float32)
 
     settings = {"sensor.weights": {"color": 1.0, "keypoints": 0.1}}
@@ -145,7 +150,8 @@ def test_the_picture_is_shown_beside_the_reference_at_the_estimate(world):
     shown = sensor.shown(sensor.read(_frame(images[entry])), {"estimate": library.poses[entry]})
     (marks,) = shown.marks
     assert shown.pictures[BESIDE].reference == entry
-    assert f"{len(marks.strips)} of " in shown.words and len(marks.strips) > MOST_MATCHES
+    assert f"{len(marks.strips)} of " in shown.words
+    assert len(marks.strips) > MOST_MATCHES
     left, right = marks.strips[:, 0], marks.strips[:, 1]
     assert right - left == pytest.approx(
         np.tile([shown.pictures[BESIDE].right_px, 0], (len(left), 1)), abs=1e-3
@@ -168,8 +174,15 @@ def test_what_verification_finds_is_told_beside_the_channels(world):
     pictures = [DrivePicture(lambda k=k: images[k], library.poses[k]) for k in range(VERIFIED)]
     found = look_up(_sensor(library), pictures, 0.01)
     assert found.together.among(1).all()
-    assert set(found.alone) == {"color"} and set(found.without) == {"color", "keypoints"}
+    assert set(found.alone) == {"color"}
+    assert set(found.without) == {"color", "keypoints"}
     assert found.without["keypoints"].among(1).tolist() == [True] + [False] * (VERIFIED - 1)
+
+
+def test_without_a_channel_nothing_is_found_that_could_be_verified(world):
+    library, _ = world
+    with pytest.raises(mcl.InputError, match="found keypoints, expected a channel"):
+        mcl.make_localizer(library, settings={"sensor.weights": {"keypoints": 1.0}})
 
 
 def test_the_feature_is_best_with_keypoints():
