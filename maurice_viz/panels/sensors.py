@@ -107,7 +107,7 @@ class SensorsPanel(Panel):
         poses: dict[str, F64] = {"estimate": update.record.estimate.pose}
         if update.moment.truth is not None:
             poses["truth"] = update.moment.truth
-        readings = {reading.name: reading for reading in update.record.sighting.comparison.sensed}
+        readings = {reading.name: reading for reading in update.record.sighting.comparison.read}
         for name in self._sensors:
             nothing = f"{name.capitalize()}: nothing in this frame."
             self._draw(rec, name, readings[name].shown(poses) if name in readings else Shown(nothing))

@@ -26,6 +26,7 @@ from maurice_mcl.reasons.explanation import (
 from maurice_mcl.sensor.descriptors import chromaticity, color_grid, hog, tiny
 from maurice_mcl.sensor.descriptors.histograms import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.sensor.verification import KEYPOINTS
 
 from ..style import Scale, capital
 
@@ -163,11 +164,13 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
 
 def _winner(step: StepExplanation, scale: Scale) -> str:
     winner, explained = step.winner, step.of(WINNER)
-    by = sorted(winner.channels, key=lambda c: -c.loses)
-    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_CHANNELS] if c.loses >= LEAST_NATS)
+    loses = {c.channel: c.loses for c in winner.channels} | {KEYPOINTS: winner.verified}
+    by = sorted(loses, key=lambda name: -loses[name])
+    parts = ", ".join(f"{name} {loses[name]:.1f}" for name in by[:MOST_CHANNELS] if loses[name] >= LEAST_NATS)
     among = f"Of {winner.entries} references entry {winner.entry}"
     among = among if winner.entries > 1 else "The only reference"
-    cost = f": it loses {-winner.log_likelihood:z.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
+    parts = f" ({parts})" if parts and len(winner.channels) > 1 else ""
+    cost = f": it loses {-winner.log_likelihood:z.1f} nats{parts}"
     lies = explained.from_truth if explained else None
     lies_at = "" if lies is None else f" It is {say_offset(lies, scale)} from the truth."
     return f"{among} at {scale.say_pose(winner.pose)} matches the picture best{cost}.{lies_at}"
@@ -205,7 +208,9 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
         text += f", {run.nats:.1f} of them at {planes.name(run.plane, run.first, run.last)}"
         text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
         text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
-    others = [(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
+    others = [(KEYPOINTS, entry.verified - winner.verified)]
+    others += [(entry.channels[k].channel, costs[k]) for k in order[1:]]
+    others = [(name, cost) for name, cost in others if abs(cost) >= LEAST_NATS]
     more = [f"{name} {cost:.1f}" if cost > 0 else f"{name} favors it by {-cost:.1f}" for name, cost in others]
     return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."
 

@@ -18,6 +18,7 @@ from maurice_mcl.reasons.explanation import (
     offset,
 )
 from maurice_mcl.sensor.landmarks.sensor import SHAPE_TOLERANCE, Landmarks
+from maurice_mcl.sensor.verification import KEYPOINTS
 from maurice_mcl.values import (
     F64,
     Arena,
@@ -45,6 +46,8 @@ def winner_first(step: StepExplanation) -> StepExplanation:
 def brief_table(step: StepExplanation, scale: Scale) -> str:
     """Write the figures of an update's references side by side; of each channel nats and rank."""
     rows = [*_of_all(step, scale), *(_brief(step, k, name) for k, name in enumerate(step.channels))]
+    if any(e.entry.verified for e in step.shown if e.entry is not None):
+        rows.append(_row(step, f"**{KEYPOINTS}**", lambda e: f"{e.entry.verified:.2f}" if e.entry else ""))
     entries = [NONE if explained.entry is None else explained.entry.entry for explained in step.shown]
     heads = [f"{REFERENCES[e.who].label}: {entry}" for e, entry in zip(step.shown, entries, strict=True)]
     return markdown_table(["", *heads], rows)
@@ -123,6 +126,7 @@ def _entry(entry: EntryExplanation, winner: EntryExplanation) -> dict[str, Any]:
         "quality": entry.quality,
         "log_likelihood": entry.log_likelihood,
         "behind_winner": entry.behind,
+        "verified": entry.verified,
         "channels": {
             c.channel: {
                 "distance_by": c.distance_by,
@@ -171,8 +175,8 @@ def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scal
     """Return what the pose sensors of an update say, a paragraph each: "Landmarks: 14 of 60 ..."."""
     poses: Mapping[str, F64] = {"estimate": record.estimate.pose}
     poses = poses if truth is None else {**poses, "truth": truth}
-    sensed = record.sighting.comparison.sensed
-    return [f"{read.name.capitalize()}: {say_shown(read.shown(poses), arena, scale)}" for read in sensed]
+    read = record.sighting.comparison.read
+    return [f"{part.name.capitalize()}: {say_shown(part.shown(poses), arena, scale)}" for part in read]
 
 
 def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:

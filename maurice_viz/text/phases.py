@@ -189,7 +189,7 @@ def listed(parts: Sequence[str]) -> str:
 def measured(moment: Moment, record: StepRecord, scale: Scale, taken_at: F64 | None = None) -> str:
     """Describe what the picture was compared with, and how far from the truth the best match was taken."""
     seen = record.sighting.comparison
-    by = [*seen.channels, *(sensed.name for sensed in seen.sensed)]
+    by = [*seen.channels, *(part.name for part in seen.read)]
     if not by:
         return NOT_COMPARED
     count = len(seen.quality)

@@ -91,7 +91,7 @@ def look_up(
             frame = Frame(number, 0.0, np.zeros((0, 3)), image, "")
             readings = {name: sensor.sensors[name].read(frame) for name in verifying}
             comparison = every.compare(measured(image, weights, known)[0], readings)
-            verified = [part.weight * part.cost for part in comparison.sensed]
+            verified = [part.weight * part.cost for part in comparison.verified]
             costs = mixes @ np.array([*comparison.channel_cost, *verified], np.float64)  # (ways, L)
             order = np.argsort(costs, axis=1, kind="stable")
             rows.append((right[order].argmax(axis=1) + 1).astype(np.int32))

@@ -53,9 +53,10 @@ class EntryExplanation:
     rank: int  # 1: no entry is likelier; equals share the better rank
     entries: int  # L: ranks count up to it
     behind: float  # nats by which the winner is likelier; 0 for the winner itself
+    verified: float = 0.0  # nats that verification takes from it, beside what channels do
 
     def lost_to(self, winner: EntryExplanation) -> F64:
-        """Return what each channel (C,) costs this entry against another; the sum is the total gap."""
+        """Return what each channel (C,) costs this entry against another; with `verified`, the total gap."""
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
@@ -112,6 +113,7 @@ def explain_all(
             raise IndexError(f"no entry {entry}; there are 0 to {sensor.library.size - 1}")
     by_channel = list(zip(*_channels(comparison, sensor, list(entries)), strict=True))
     likely, winner = comparison.log_likelihood, int(comparison.quality.argmax())
+    verified = _verified(comparison, sensor, entries)
     return tuple(
         EntryExplanation(
             entry=entry,
@@ -122,6 +124,7 @@ def explain_all(
             rank=rank_of(likely, entry),
             entries=len(likely),
             behind=float(likely[winner] - likely[entry]),
+            verified=float(verified[k]),
         )
         for k, entry in enumerate(entries)
     )
@@ -251,7 +254,14 @@ def _losses(comparison: Comparison, sensor: SensorModel, entries: list[int]) -> 
     parts = np.stack(alone).astype(np.float64)
     total = parts.sum(axis=0)
     share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
-    return np.asarray(share * np.maximum(-comparison.log_likelihood[entries].astype(np.float64), 0.0))
+    left = -comparison.log_likelihood[entries].astype(np.float64) - _verified(comparison, sensor, entries)
+    return np.asarray(share * np.maximum(left, 0.0))
+
+
+def _verified(comparison: Comparison, sensor: SensorModel, entries: Sequence[int]) -> F64:
+    """Return the nats (K,) that verification takes from some entries."""
+    costs = [part.weight * part.cost[list(entries)].astype(np.float64) for part in comparison.verified]
+    return np.asarray(sensor.parameters.sharpness * sum(costs, np.zeros(len(entries))))
 
 
 LEAST_NATS = 0.05  # less is no reason

@@ -188,10 +188,9 @@ class SensorModel:
                 sensed.append(self._sense(name, reading))
         if not sensed:
             return comparison
-        verified, sensed = comparison.sensed, [*comparison.sensed, *sensed]
         if not comparison.channels and not any(part.cost.any() for part in sensed):
             return replace(comparison, sensed=tuple(sensed))
-        costs = [np.float32(part.weight) * part.cost for part in sensed[len(verified) :]]
+        costs = [np.float32(part.weight) * part.cost for part in sensed]
         nats = sum(costs, np.zeros_like(comparison.cost))
         return replace(
             self._with(comparison, nats), sensed=tuple(sensed), of_channels=comparison.log_likelihood
@@ -216,7 +215,7 @@ class SensorModel:
         virtual = comparison.virtual
         if len(virtual):
             virtual = virtual - np.float32(self.parameters.sharpness) * nats[self.sources].mean(axis=1)
-        return replace(self._with(comparison, nats), virtual=virtual, sensed=(*comparison.sensed, part))
+        return replace(self._with(comparison, nats), virtual=virtual, verified=(*comparison.verified, part))
 
     def only(self, channel: str) -> SensorModel:
         """Return the model with one channel in use, and no pose sensor."""

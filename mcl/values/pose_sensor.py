@@ -285,11 +285,6 @@ class Sensed:
         """The name of the sensor."""
         return self.sensor.name
 
-    @property
-    def verifies(self) -> bool:
-        """Whether it weighs references, for the channels, and no poses."""
-        return hasattr(self.sensor, "verify")
-
     def is_explained(self, poses: F32, weights: F64, origin: F64) -> bool | None:
         """Return whether a cloud (N, 3) explains the reading; None where the map cannot tell."""
         explains = getattr(self.sensor, "explains", None)

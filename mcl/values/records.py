@@ -139,6 +139,12 @@ class Comparison:
     virtual: F32 = field(default_factory=lambda: np.zeros(0, np.float32))  # (V,) of virtual ones
     sensed: tuple[Sensed, ...] = ()  # of pose sensors, which no reference is needed for
     of_channels: F32 | None = None  # (L,) the channels' part of `log_likelihood`; None: all of it
+    verified: tuple[Sensed, ...] = ()  # by what references were verified; their costs are the channels' too
+
+    @property
+    def read(self) -> tuple[Sensed, ...]:
+        """All that was read in the frame."""
+        return (*self.verified, *self.sensed)
 
     @cached_property
     def of_references(self) -> F32:
@@ -157,9 +163,9 @@ class Comparison:
 
         Not kept: a value that held itself would wait for Python's collector.
         """
-        if self.of_channels is None:
+        if not self.sensed or self.of_channels is None:
             return self
-        nats = sum(part.weight * part.cost for part in self.sensed if not part.verifies)
+        nats = sum(part.weight * part.cost for part in self.sensed)
         cost = np.maximum(self.cost - nats, np.float32(0))
         quality = 1 - cost / max(float(cost.max(initial=0.0)), 1e-9)
         return replace(

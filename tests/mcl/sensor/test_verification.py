@@ -91,8 +91,8 @@ def test_nats_are_the_weight_times_the_matches_that_lack_in_all_that_weighs(worl
     plain = _sensor(library).only("color").see(frame)
     for weight, sharpness in ((0.1, 1.0), (0.05, 2.0)):
         seen = _sensor(library, weight, sharpness).see(frame)
-        (part,) = seen.sensed
-        assert part.verifies
+        (part,) = seen.verified
+        assert seen.sensed == ()
         assert part.name == "keypoints"
         assert seen.cost == pytest.approx(plain.cost + weight * part.cost, abs=1e-5)
         fell = plain.log_likelihood * sharpness - seen.log_likelihood
@@ -117,7 +117,7 @@ def test_a_virtual_reference_has_the_mean_of_its_sources(world):
     sensor = mcl.make_localizer(library, preset="robust", settings=settings).sensor
     plain = replace(sensor, sensors={})
     seen, before = sensor.see(_frame(images[20])), plain.see(_frame(images[20]))
-    (part,) = seen.sensed
+    (part,) = seen.verified
     lost = before.virtual - seen.virtual
     assert len(lost)
     assert lost == pytest.approx(0.1 * part.cost[sensor.sources].mean(axis=1), abs=1e-4)
@@ -138,7 +138,8 @@ def test_with_landmarks_or_another_pose_sensor_both_count(world):
     settings = {"sensor.weights": {"color": 1.0, "keypoints": 0.1}}
     localizer = mcl.make_localizer(library, settings=settings, sensors=[Compass()])
     seen = localizer.sensor.see(_frame(images[20]))
-    assert [part.name for part in seen.sensed] == ["keypoints", "compass"]
+    assert [part.name for part in seen.read] == ["keypoints", "compass"]
+    assert [part.name for part in seen.sensed] == ["compass"], "keypoints say nothing of a pose"
     verified = _sensor(library).see(_frame(images[20]))
     assert seen.of_channels == pytest.approx(verified.log_likelihood, abs=1e-5)
     assert seen.by_channels.cost == pytest.approx(verified.cost, abs=1e-4)
