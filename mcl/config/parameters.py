@@ -187,10 +187,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 # the same with regions that hold the truth as often as they say (docs/lost-signal.md, calibration of belief)
 PRESETS = {**PRESETS, "calibrated": {**PRESETS["robust"], "sensor.sharpness": 0.7}}
-# the same with landmarks, and with references that are verified by keypoints: both are found in the library's
-# pictures at the first run (docs/landmarks.md, docs/real-recordings.md)
+# the same with landmarks, found in the library's pictures at the first run (docs/landmarks.md)
 PRECISE: Mapping[str, Any] = {
-    "sensor.weights": {**FEATURES["all"], **FEATURES["verified"]},
+    "sensor.weights": dict(FEATURES["all"]),
     "recovery.strategy": "mixture",
     "recovery.mixture.teleport": 0.001,  # a proposal is wrong once in fifty pictures
     "sensor.outlier_cost": 12.0,  # fitted: above what most pictures cost at the truth

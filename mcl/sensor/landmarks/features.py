@@ -41,21 +41,12 @@ def _sift() -> Any:
 def keypoints_of(image: U8) -> Keypoints:
     """Find the keypoints of a picture (H, W, 3); none in a blank one.
 
-    A thread that asks twice for the same picture, for two sensors, is given the same.
-
     Brightness is stretched to one contrast first, so that a dim picture keeps its keypoints.
 
         >>> import numpy as np
         >>> keypoints_of(np.zeros((48, 64, 3), np.uint8)).pixels.shape
         (0, 2)
     """
-    last: tuple[U8, Keypoints] | None = getattr(_OF_THREAD, "last", None)
-    if last is None or not np.array_equal(last[0], image):  # an array may be filled again
-        last = _OF_THREAD.last = image.copy(), _found_in(image)
-    return last[1]
-
-
-def _found_in(image: U8) -> Keypoints:
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     deviation = float(gray.std())
     if deviation < LEAST_BRIGHTNESS_SD:
