@@ -7,7 +7,15 @@ from pathlib import Path
 from maurice_mcl.values import NamedProgress
 
 from .folders import SimulationPaths, cached, paths_in
-from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, LASER_SEED, UPDATES, simulation_key
+from .tasks import (
+    DEMO,
+    KIDNAPPING_SEED,
+    KIDNAPPING_UPDATES,
+    LASER_SEED,
+    LASER_UPDATES,
+    UPDATES,
+    simulation_key,
+)
 
 
 def demo_paths(seed: int = DEMO, progress: NamedProgress | None = None) -> SimulationPaths:
@@ -23,7 +31,8 @@ def kidnapping_paths(progress: NamedProgress | None = None) -> SimulationPaths:
 
 def laser_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo of a robot with a laser, carried away in an office, from the user's cache."""
-    return _paths(simulation_key("laser-kidnapped", DEMO, LASER_SEED, UPDATES), progress, "laser_plan")
+    key = simulation_key("kidnapped", DEMO, LASER_SEED, LASER_UPDATES, laser=True)
+    return _paths(key, progress, "laser_plan")
 
 
 def _paths(key: str, progress: NamedProgress | None, plan: str, *seed: int) -> SimulationPaths:

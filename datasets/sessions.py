@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.ros_maps import write_ros_map
 from maurice_loaders.files.writing import expect_apart, new_folder
-from maurice_loaders.reading.recording import Motion, Note
+from maurice_loaders.reading.recording import Motion, Note, Record
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import LogLines, SessionWriter
 from maurice_mcl.errors import InputError
@@ -25,7 +27,7 @@ from .folders import SIMULATION, SimulationPaths, cached, copy_whole, fingerprin
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .render.laser import SimulatedLaser, occupancy_of
-from .robot.segments import Eye, Segment, write_segments
+from .robot.segments import Eye, Segment, begun, records_of, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import (
@@ -33,7 +35,9 @@ from .tasks import (
     GENERATOR,
     KIDNAPPING_SEED,
     KIDNAPPING_UPDATES,
+    LASER_GENERATOR,
     LASER_SEED,
+    LASER_UPDATES,
     MAP,
     SURVEY,
     TASKS,
@@ -111,6 +115,7 @@ def session_info(set_up: Stage) -> SessionInfo:
     plan, eye = set_up.plan, set_up.eye
     things = (f"pieces of furniture moved after the survey: {plan.moved}",) if plan.moved else ()
     changes = (f"tier {plan.tier}", *eye.notes, *things, *set_up.course.notes)
+    generator = LASER_GENERATOR if plan.laser else GENERATOR
     return SessionInfo(
         name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
         display_units="in",
@@ -120,7 +125,7 @@ def session_info(set_up: Stage) -> SessionInfo:
         start=set_up.course.start if plan.task.start_known else None,
         survey=MAP if plan.laser else SURVEY,
         arena=set_up.surveyed.arena,
-        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *changes),
+        notes=(f"simulated: {set_up.surveyed.name}, generator {generator}", *changes),
     )
 
 
@@ -179,8 +184,8 @@ def write_simulation(
         pictures: PictureKind = "png" if lossless else "jpeg"
         with SessionWriter(filling / SESSION_LOG, session_info(set_up), pictures=pictures) as log:
             play(set_up, log, report)
-        name = f"laser-{plan.task.name}" if plan.laser else plan.task.name
-        seal(filling, simulation_key(name, plan.arena_seed, plan.seed, plan.updates))
+        key = plan.task.name, plan.arena_seed, plan.seed, plan.updates
+        seal(filling, simulation_key(*key, laser=plan.laser))
     return paths_in(folder)
 
 
@@ -198,7 +203,7 @@ def kidnapping_plan() -> SimulationPlan:
 def laser_plan() -> SimulationPlan:
     """Return the demo's drive with a laser: a robot that is carried away in an office."""
     task = TASKS["kidnapped"]
-    return SimulationPlan(task, "office", arena_seed=DEMO, seed=LASER_SEED, laser=True)
+    return SimulationPlan(task, "office", arena_seed=DEMO, seed=LASER_SEED, updates=LASER_UPDATES, laser=True)
 
 
 def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Frame:
@@ -219,6 +224,23 @@ def moment_of(number: int, segment: Segment, before: Segment | None, eye: Eye) -
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SimulatedRecording:
+    """What the log of a drive with a laser holds."""
+
+    set_up: Stage
+    info: SessionInfo
+    path: Path = Path("drive")  # its name in messages
+    pictureless: bool = True
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Drive and scan from the beginning, on every call."""
+        course, eye, arena = self.set_up.course, self.set_up.eye, self.set_up.world.arena
+        yield from begun(course.start, arena)
+        for number, segment in enumerate(course.segments(), start=1):
+            yield from records_of(number, segment, eye, arena)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SimulatedSession:
     """The session of a plan: the moments of its log, without JPEG compression and rounding to text."""
 
@@ -226,7 +248,10 @@ class SimulatedSession:
     info: SessionInfo
 
     def moments(self) -> Iterator[Moment]:
-        """Drive and look from the beginning, on every call."""
+        """Drive and look from the beginning, on every call; which scans are used is decided as in a log."""
+        if isinstance(self.set_up.eye, SimulatedLaser):
+            yield from RecordedSession(SimulatedRecording(self.set_up, self.info)).moments()
+            return
         eye, before = self.set_up.eye, None
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
             yield moment_of(number, segment, before, eye)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,10 @@ from .render.camera_session import CameraSession, session_camera
 from .render.conditions import GAINS, Conditions, LightChange, conditions_for
 from .render.laser import SimulatedLaser
 from .robot.drive import KIDNAP_M, Robot, drive
-from .robot.motion import Chassis
+from .robot.motion import CALIBRATED, Chassis
 from .robot.planner import SCALES, Raster, fit, raster
 from .robot.recorded_path import read_recording
-from .robot.segments import Segment, driven_segments
+from .robot.segments import Segment, driven_segments, scanned_segments
 from .tasks import TIERS, UPDATES, SimPurpose, Task
 from .worlds.build import load_world
 from .worlds.rearrange import move_things
@@ -70,6 +70,11 @@ class SimulationPlan:
         for change in self.lights:
             if change.update > self.updates:
                 raise ValueError(f"found a change of light at update {change.update} of {self.updates}")
+
+    @property
+    def chassis(self) -> Chassis:
+        """What the robot drives on."""
+        return replace(CALIBRATED if self.laser else Chassis(), slip_chance=self.slip_chance)
 
     @property
     def conditions(self) -> Conditions:
@@ -135,19 +140,22 @@ def stage(plan: SimulationPlan, surveyed: World | None = None) -> Stage:
 
 def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
     """Drive the robot by its behaviors. InputError if a kidnapped robot cannot be placed far enough away."""
-    chassis = Chassis(slip_chance=plan.slip_chance)
-    robot = Robot(world.arena, plan.seed, chassis, spins_at=plan.slip_at)
+    robot = Robot(world.arena, plan.seed, plan.chassis, spins_at=plan.slip_at)
     kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
     reach_m = float(np.ptp(map_.centers, axis=0).max())  # one of the two ends is half of it away, or more
     if kidnap_at is not None and reach_m < 2 * KIDNAP_M:
         raise InputError(Path(plan.world), "found too small a place for a kidnapping; choose a larger world")
 
     def segments() -> Iterator[Segment]:
-        return driven_segments(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
+        begin, updates = drive(robot, map_, plan.updates, kidnap_at, world.start)
+        if plan.laser:
+            return scanned_segments(begin, updates, world.arena)
+        return driven_segments(updates, world.arena)
 
     start = drive(robot, map_, 0, start=world.start)[0]
     notes = (f"slips: {plan.slip_chance:g} a crossing",)
-    return Course(start, plan.updates, segments, chassis.motion_header(), notes)
+    motion = None if plan.laser else plan.chassis.motion_header()
+    return Course(start, plan.updates, segments, motion, notes)
 
 
 def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:

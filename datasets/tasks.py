@@ -108,12 +108,14 @@ TEST = range(1000, 2000)  # nothing ever is
 # Files and folders that are made from these.
 
 GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
+LASER_GENERATOR = 3  # the same of drives with a laser
 SURVEY = Path("survey") / "survey.log"  # beside the session's log
 MAP = Path("map") / "map.yaml"  # in its place, of a robot with a laser
-LASER_SEED = 1  # of the drive with a laser
+LASER_SEED, LASER_UPDATES = 4, 36  # a drive on which AMCL keeps its place until it is carried away
 KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
 
 
-def simulation_key(task: str, arena_seed: int, seed: int, updates: int) -> str:
+def simulation_key(task: str, arena_seed: int, seed: int, updates: int, *, laser: bool = False) -> str:
     """Return what a simulation's folder in the cache is called."""
-    return f"{task}-{GENERATOR}-seed{arena_seed}-{seed}-{updates}"
+    kind = f"laser-{task}-{LASER_GENERATOR}" if laser else f"{task}-{GENERATOR}"
+    return f"{kind}-seed{arena_seed}-{seed}-{updates}"

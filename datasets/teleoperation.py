@@ -25,7 +25,7 @@ from .render.conditions import LightChange
 from .render.laser import SimulatedLaser
 from .robot.behaviors import Command
 from .robot.drive import BY_HAND, KIDNAP_M, STAY, DriveUpdate, Robot
-from .robot.motion import Chassis, draw_slip
+from .robot.motion import draw_slip
 from .robot.planner import free_pose, raster
 from .robot.segments import CARRY_S, FRAME_S, Segment, timed, write_segments
 from .sessions import known_of, moment_of, session_info, write_known
@@ -67,7 +67,7 @@ class TeleoperatedRobot:
         free = raster(set_up.world.arena)
         assert free is not None  # `stage` raises InputError
         self._map, self._eye = free, set_up.eye
-        self._robot = Robot(set_up.world.arena, plan.seed, Chassis(slip_chance=plan.slip_chance), BY_HAND)
+        self._robot = Robot(set_up.world.arena, plan.seed, plan.chassis, BY_HAND)
         self._segments: list[Segment] = []
         self._moments: list[Moment] = []
         self._last: DriveUpdate | None = None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.filter.motion import FloorDrift
-from maurice_mcl.values import F64, INCH_M, Arena, wrap
+from maurice_mcl.values import F64, INCH_M, Arena, wrap, wrap_angle
 
 from ..worlds.world import clearance, floor_at
 
@@ -60,6 +60,10 @@ class Chassis:
         }
 
 
+# the same with odometry that is free of the mean errors, as one expects of a robot with a laser
+CALIBRATED = Chassis(turn_over_read=1.0, turn_bias_rad=0.0, straight_bias_m=0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Luck:
     """The standard normal draws of one update, taken before the driver decides."""
@@ -96,6 +100,16 @@ class Movement:
     slipped_rad: float = 0.0  # by which it was turned where the floor changed
     bumped: bool = False  # it ran into something and stopped there
     spun_m: float = 0.0  # what the wheels counted while they only spun
+
+    def at(self, share: float) -> F64:
+        """Return the true pose (3,) at a share of the movement, between two of its path."""
+        place = share * (len(self.path) - 1)
+        begin, end = self.path[int(place)], self.path[int(np.ceil(place))]
+        step, turn = end - begin, float(self.measured[2])
+        step[2] = turn + wrap_angle(float(step[2]) - turn)  # a large turn is not the shorter way around
+        pose = begin + (place - int(place)) * step
+        pose[2:] = wrap(pose[2:])
+        return np.asarray(pose)
 
 
 def standing(pose: F64) -> Movement:
