@@ -118,7 +118,7 @@ def session_info(set_up: Stage) -> SessionInfo:
     generator = LASER_GENERATOR if plan.laser else GENERATOR
     return SessionInfo(
         name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
-        display_units="in",
+        display_units="m" if plan.laser else "in",
         robot="Maurice (simulated)",
         motion=set_up.course.motion,
         cameras=() if isinstance(eye, SimulatedLaser) else (camera_of(eye.lens),),

@@ -12,7 +12,6 @@ from itertools import takewhile
 import numpy as np
 
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.recovery import Expansion, none
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.sensor.laser.sensor import LASER, Laser, laser_of
 from maurice_mcl.sensor.map_places import reference_of
@@ -23,13 +22,6 @@ from maurice_mcl.values import F64, USUAL, Arena, Library, Radii, SessionInfo
 from .drawing.contact_sheet import cell_height
 from .entities import RunPaths
 from .style import RGB, RUN_COLORS, Scale, scale_for
-
-DRAWS_NEVER, DRAWS_EVENLY, DRAWS_WHERE_LIKELY = (
-    "never",
-    "evenly",
-    "likelihood",
-)  # where a run draws new particles
-
 
 SHORT, ENDS = 16, 7  # letters that have room left of a lane at 1280 pixels; and of each end of a longer name
 
@@ -158,7 +150,7 @@ class RunView:
             localizer.sensor,
             localizer.particles,
             radii=localizer.radii,
-            draws_new=_draws_new(localizer),
+            draws_new=localizer.draws_new,
             localizer=localizer,
             start=start,
         )
@@ -204,12 +196,3 @@ def shortly(runs: Sequence[RunView], text: str) -> str:
     for run in runs:
         text = text.replace(f"`{run.label}`", f"`{run.short}`")
     return text
-
-
-def _draws_new(localizer: Localizer) -> str | None:
-    strategy = localizer.recovery.strategy
-    if isinstance(strategy, Expansion):
-        return None  # spreads those that it has
-    if strategy is none:
-        return DRAWS_NEVER if localizer.proposal.mixture is None else DRAWS_WHERE_LIKELY
-    return DRAWS_EVENLY if localizer.recovery.draw_evenly else DRAWS_WHERE_LIKELY

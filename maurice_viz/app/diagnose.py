@@ -80,7 +80,7 @@ class RunDiagnosis:
             if failure.also:
                 titles = (title_of(kind, self.verdict.has_laser) for kind in failure.also)
                 lines.append(f"  also true: {', '.join(titles)}")
-            if remedy := say_remedy(failure, self.verdict.has_laser):
+            if remedy := say_remedy(failure, self.verdict):
                 lines.append(f"  try: {remedy}")
             lines += [f"  see: {command}" for command in self.commands(failure)]
         return "\n".join(lines)

@@ -26,12 +26,13 @@ from maurice_loaders.runs.manifest import (
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.sensor.outside import NOT_THERE, load_sensor
 from maurice_mcl.values import Library, Moment, Session, SessionInfo, StepRecord
 
 from ..errors import SILENT, Listener, progress_of
 from ..playback import ResultCollector, shared
-from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
+from ..scene import RunView, Scene
 from .recorded import RecordedFrames, open_recorded, scene_of_recorded
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together

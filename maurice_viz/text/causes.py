@@ -7,6 +7,7 @@ from typing import Any
 
 from maurice_mcl.reasons import causes as kinds
 from maurice_mcl.reasons.causes import Failure, Incident
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent, joined
 from maurice_mcl.scoring.table import CONVERGED, LOST, PROBABLY_LOST, SPREAD, WRONG
 
@@ -138,12 +139,16 @@ def say_failure(failure: Failure, scale: Scale) -> str:
     return f"{capital(when)}: {say_cause(failure, scale)}."
 
 
-def say_remedy(failure: Failure, has_laser: bool) -> str:
-    """Return what the robot's owner can do, with a laser by AMCL's names; empty where nothing is known."""
+def say_remedy(failure: Failure, run: RunVerdict) -> str:
+    """Return what the owner of a run can do that it does not yet, by AMCL's names; empty: nothing is known.
+
+    Without a laser little is.
+    """
     for name, remedy in laser_causes.REMEDIES_BY.items():
-        if name in failure.evidence and (has_laser or name == "jump_m"):
+        if name in failure.evidence and (run.has_laser or name == "jump_m"):
             return remedy
-    return laser_causes.REMEDIES.get(failure.kind, "") if has_laser else ""
+    known = laser_causes.REMEDIES.get(failure.kind, ()) if run.has_laser else ()
+    return "; or ".join(remedy.text for remedy in known if remedy.helps(run))
 
 
 def say_evidence(failure: Failure, scale: Scale) -> list[str]:

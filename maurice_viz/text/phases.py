@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
+from maurice_mcl.filter.recovery import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import say_recovery_test
 from maurice_mcl.values import F64, Belief, Estimate, Moment, StepRecord
 
 from ..entities import Phase
-from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from ..style import Scale, capital
 
 STILL_RAD = math.radians(0.5)  # a turn that would be written "0 deg" is not mentioned

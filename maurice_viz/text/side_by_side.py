@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from maurice_mcl.filter.localizer import EXPANDED
+from maurice_mcl.filter.recovery import DRAWS_NEVER
 from maurice_mcl.scoring.comparison import Step
 from maurice_mcl.scoring.modes import LEAST_NEAR, picture_gain
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.values import F64, Belief, Bool, Moment, Radii, StepRecord
 
 from ..entities import Phase
-from ..scene import DRAWS_NEVER
 from ..style import Scale, capital
 from .comparison import errors_m, least_closer_m
 from .explanation import ordinal

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from maurice_mcl.filter.recovery import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.causes import (
     CARRIED,
     DARK,
@@ -19,7 +20,7 @@ from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.episodes import Episode
 
 from ..entities import Phase, Place, open_command
-from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
+from ..scene import RunView
 from ..style import Scale, capital
 from .causes import say_cause, say_incident
 from .phases import of_scans

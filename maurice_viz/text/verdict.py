@@ -9,15 +9,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.table import RIGHT_RAD, SEARCHING
+from maurice_mcl.scoring.table import KIDNAPPED, RIGHT_RAD, SEARCHING
 
 from ..style import Scale, capital
 from .causes import say_failure, say_incident, say_rival, steps_text
 
+NEVER_DRAWS = "recovery_alpha 0: no new particles"
+BY_SCANS = ", by particles drawn where the scan fits"
 SURE_OF_WRONG = ", sure of a wrong place"
 NOTHING_YET = "No step yet."
 ALIKE_Q = 0.1  # qualities that differ by less are about equal
@@ -149,6 +152,7 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
         elif before:
             because = f"; lost from step {before[0].onset} before"
         did += ", though right in the end" if end is not None and end.correct else sure
+        because += f"; {NEVER_DRAWS}" if _lacks_recovery(verdict) else ""
         return Outcome(did, off_at(verdict.end, scale), after=" at the end", alone=because)
     if last.localized is None:
         return Outcome("{was} lost", why)
@@ -156,9 +160,21 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     if last.kind == SEARCHING:
         return Outcome("found {itself}, after a wrong place", step, "at step ", alone=fresh)
     if len(episodes) == 1:
-        did = "found {itself} again" if last.given is None else "{was} lost until somebody gave a pose"
-        return Outcome(did, step, "at step ", alone=f"{fresh}{because}")
+        found = "found {itself} again" if last.lost is None else "{was} lost, and found {itself} again"
+        did = found if last.given is None else "{was} lost until somebody gave a pose"
+        drawn = BY_SCANS if last.kind == KIDNAPPED and _draws_by_scans(verdict) else fresh
+        later = f", {last.localized - last.onset} steps later" if last.lost is not None else ""
+        return Outcome(did, step, "at step ", alone=f"{later}{drawn}{because}")
     return Outcome("{was} lost again and again", step, f"{len(episodes)} times, until step ", alone=because)
+
+
+def _lacks_recovery(verdict: RunVerdict) -> bool:
+    """Return whether a run is AMCL's filter without AMCL's recovery."""
+    return verdict.laser is not None and verdict.draws_new == DRAWS_NEVER
+
+
+def _draws_by_scans(verdict: RunVerdict) -> bool:
+    return verdict.laser is not None and verdict.draws_new == DRAWS_WHERE_LIKELY
 
 
 def _why(verdict: RunVerdict) -> str:

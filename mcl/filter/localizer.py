@@ -44,7 +44,7 @@ from .proposal import (
     belief_at,
     uniform_belief,
 )
-from .recovery import Recovery, RecoveryStep
+from .recovery import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, Expansion, Recovery, RecoveryStep, none
 from .resampling import Resampled, Resampling
 from .weighting import Weighting, usable_evidence
 
@@ -146,6 +146,15 @@ class Localizer:
     def arena(self) -> Arena:
         """The map by which poses are ruled out: the library's, with or without its obstacles."""
         return self.library.arena.trusted(self.obstacles)
+
+    @property
+    def draws_new(self) -> str | None:
+        """Where it draws new particles: DRAWS_NEVER or another; None: it spreads those that it has."""
+        if isinstance(self.recovery.strategy, Expansion):
+            return None
+        if self.recovery.strategy is none:
+            return DRAWS_NEVER if self.proposal.mixture is None else DRAWS_WHERE_LIKELY
+        return DRAWS_EVENLY if self.recovery.draw_evenly else DRAWS_WHERE_LIKELY
 
     def predict(self, belief: Belief, frame: Frame) -> Prediction:
         """Return how the particles of a belief move in a frame."""

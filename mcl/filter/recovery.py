@@ -38,6 +38,7 @@ from .resampling import Resampled
 # the weight of a good one.
 BAD_SDS, BAD_SHARE = 2.0, 0.1
 
+DRAWS_NEVER, DRAWS_EVENLY, DRAWS_WHERE_LIKELY = "never", "evenly", "likelihood"  # new particles
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
 

@@ -19,6 +19,8 @@ from ..scoring.comparison import OdometryAlone, odometry_alone
 from ..scoring.episodes import Episode, RunSoFar, episodes, standing
 from ..scoring.metrics import FIRST_SCORED, StepScore, score_step
 from ..scoring.table import KIDNAPPED, SEARCHING, RunTable, Standing, TableRows
+from ..sensor.laser.parameters import LaserParameters
+from ..sensor.laser.sensor import LASER, Laser
 from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
@@ -77,6 +79,8 @@ class RunVerdict:
     unjudged: int = 0  # of them those without a true pose
     has_truth: bool = False
     has_laser: bool = False  # whether it ran on a map in place of references
+    laser: LaserParameters | None = None  # of its model of the laser; None: it has none, or not known
+    draws_new: str | None = None  # where its filter draws new particles: DRAWS_NEVER, ...; None: not known
     localized: int | None = None  # first step at which the run was localized; None: never, or truth not known
     first: int = 0  # step of the first update
     last: int = 0  # and of the last one
@@ -318,8 +322,11 @@ class VerdictBuilder:
         told = episodes(run)
         figures = _figures(run, told.localized)
         suspected = tuple((failure.episode.first, failure.episode.last) for failure in failures)
+        laser = None if self.localizer is None else self.localizer.sensor.sensors.get(LASER)
         return replace(
             RunVerdict(**figures),
+            laser=laser.parameters if isinstance(laser, Laser) else None,
+            draws_new=None if self.localizer is None else self.localizer.draws_new,
             localized=told.localized,
             episodes=told.episodes,
             has_laser=self._diagnosis.has_laser,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
+from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.causes import (
     AMBIGUITY,
     FLAT,
@@ -21,6 +23,7 @@ from maurice_mcl.reasons.causes import (
     WRONG_MAP,
     Failure,
 )
+from maurice_mcl.reasons.verdict import RunVerdict
 
 from ...style import Scale
 
@@ -51,22 +54,71 @@ NAMES: Mapping[str, str] = {  # of evidence
     "turned_deg": "the other pose is turned by (deg)",
     "corridor": "all between fits as well",
 }
-REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
-    KIDNAPPED: "recovery_alpha_slow 0.001, recovery_alpha_fast 0.1; or --preset laser, which asks the scan",
-    LEFT_MAP: "map that part, too, and load the larger map.yaml",
-    MOTION: "larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels",
-    NUMERIC: "likelihoods that are less sharp: a larger sigma_hit or z_rand, fewer max_beams",
-    MOUNT: "correct the transform from base_link to the laser; doctor says how",
-    WRONG_MAP: "the map.yaml of this place; its resolution and origin",
-    UNSEEN: "laser_max_range below what it sees, laser_model_type likelihood_field_prob with do_beamskip; "
-    "draw glass walls into the map",
-    VIEW: "laser_model_type likelihood_field_prob with do_beamskip, a larger z_rand, or a new map",
-    START: "set_initial_pose with the right initial_pose, or a global start and more max_particles; "
-    "doctor with --map tells a wrong map",
-    FLAT: "laser_model_type likelihood_field_prob, a smaller update_min_d, or smaller alpha1 to alpha4",
-    AMBIGUITY: "a known initial_pose; in a corridor better odometry and a smaller alpha3",
-    PROPOSAL: "more max_particles, a known initial_pose, or --preset laser, which asks the scan",
-    RESAMPLING: "more min_particles, resample_interval 2",
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """What the owner of a robot can do, where a run does not do so already."""
+
+    text: str
+    helps: Callable[[RunVerdict], bool] = lambda run: True
+
+
+def _never_draws(run: RunVerdict) -> bool:
+    return run.draws_new in (DRAWS_NEVER, None)
+
+
+def _asks_no_scan(run: RunVerdict) -> bool:
+    return run.draws_new != DRAWS_WHERE_LIKELY
+
+
+def _asks_scans(run: RunVerdict) -> bool:
+    return run.draws_new == DRAWS_WHERE_LIKELY
+
+
+def _has_amcls_model(run: RunVerdict) -> bool:
+    return run.laser is None or run.laser.model != "calibrated"
+
+
+def _is_flat(run: RunVerdict) -> bool:
+    return run.laser is None or run.laser.model not in ("calibrated", PROB)
+
+
+def _skips_no_beams(run: RunVerdict) -> bool:
+    skips = run.laser is not None and (run.laser.model, run.laser.do_beamskip) == (PROB, True)
+    return _has_amcls_model(run) and not skips
+
+
+PROB = "likelihood_field_prob"
+BEAMSKIP = Remedy(f"laser_model_type {PROB} with do_beamskip", _skips_no_beams)
+ASK_THE_SCAN = Remedy("--preset laser, which draws particles where the scan fits", _asks_no_scan)
+REMEDIES: Mapping[str, tuple[Remedy, ...]] = {  # of failures of a robot with a laser
+    KIDNAPPED: (
+        Remedy("recovery_alpha_slow 0.001, recovery_alpha_fast 0.1", _never_draws),
+        ASK_THE_SCAN,
+        Remedy("a pose given anew, as by RViz's 2D Pose Estimate", _asks_scans),
+    ),
+    LEFT_MAP: (Remedy("map that part, too, and load the larger map.yaml"),),
+    MOTION: (Remedy("larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels"),),
+    NUMERIC: (
+        Remedy("a larger sigma_hit or z_rand: likelihoods that are less sharp", _has_amcls_model),
+        Remedy("fewer max_beams"),
+    ),
+    MOUNT: (Remedy("correct the transform from base_link to the laser; doctor says how"),),
+    WRONG_MAP: (Remedy("the map.yaml of this place; its resolution and origin"),),
+    UNSEEN: (Remedy("laser_max_range below what it sees"), BEAMSKIP, Remedy("draw glass walls into the map")),
+    VIEW: (BEAMSKIP, Remedy("a larger z_rand", _has_amcls_model), Remedy("a new map")),
+    START: (
+        Remedy("set_initial_pose with the right initial_pose"),
+        Remedy("a global start and more max_particles; doctor with --map tells a wrong map"),
+    ),
+    FLAT: (
+        Remedy(f"laser_model_type {PROB}", _is_flat),
+        Remedy("a smaller update_min_d, or smaller alpha1 to alpha4"),
+    ),
+    AMBIGUITY: (Remedy("a known initial_pose; in a corridor better odometry and a smaller alpha3"),),
+    PROPOSAL: (Remedy("more max_particles, or a known initial_pose"), ASK_THE_SCAN),
+    RESAMPLING: (Remedy("more min_particles, resample_interval 2"),),
 }
 REMEDIES_BY: Mapping[str, str] = {  # of a number among the evidence, rather than of the kind
     "jump_m": "--reading odometry_are=jumping, which leaves the jump out; doctor shows when it was",

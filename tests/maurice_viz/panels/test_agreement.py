@@ -15,6 +15,7 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within, weighted_mean
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.filter.recovery import DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import KINDS, OF_RUN, EventDetector
 from maurice_mcl.values.map import Arena
@@ -27,7 +28,6 @@ from maurice_viz.panels.events import LINE_COLORS, own_path, word_of
 from maurice_viz.panels.inside import AFTER, BEFORE, DOT
 from maurice_viz.panels.population import outline
 from maurice_viz.playback import ResultCollector
-from maurice_viz.scene import DRAWS_WHERE_LIKELY
 from maurice_viz.style import (
     DEAD,
     FRESH,

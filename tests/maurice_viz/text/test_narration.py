@@ -14,6 +14,7 @@ import maurice_viz as mv
 from helpers import expect_facts
 from helpers import viz_fakes as fakes
 from maurice_mcl.filter.estimate import weighted_mean
+from maurice_mcl.filter.recovery import DRAWS_EVENLY, DRAWS_NEVER
 from maurice_mcl.reasons.causes import Incident
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
@@ -27,7 +28,6 @@ from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult
 from maurice_viz.running import run
-from maurice_viz.scene import DRAWS_EVENLY, DRAWS_NEVER
 from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import phases as narrate
 from maurice_viz.text import summary

@@ -3,12 +3,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from helpers import expect_facts
+from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from maurice_mcl.reasons.causes import CARRIED, DATA, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.table import PROBABLY_LOST
-from maurice_viz.scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
+from maurice_viz.scene import RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words
 

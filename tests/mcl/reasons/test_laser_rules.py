@@ -12,6 +12,7 @@ from maurice_mcl.reasons.causes import CAUSES
 from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.reasons.rules import decide, suspected
 from maurice_mcl.reasons.suspicion import scan_doubts
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import say_cause, say_evidence, say_remedy
@@ -69,8 +70,8 @@ def test_each_cause_is_named_by_its_own_evidence_and_said_of_scans(case):
     text = " ".join([say_cause(failure, scale), *say_evidence(failure, scale)])
     for word in ("picture", "camera", "reference", "library"):
         assert word not in text
-    assert say_remedy(failure, True)
-    assert not say_remedy(failure, False)
+    assert say_remedy(failure, RunVerdict(has_laser=True))
+    assert not say_remedy(failure, RunVerdict())
 
 
 def test_a_corridor_is_told_from_a_twin_by_what_is_between():
@@ -119,7 +120,7 @@ def test_a_start_at_the_right_place_in_a_wrong_heading_is_said_so():
     wrong = failure_of(FITS, ALL, score=around, near=GONE, began_together=True)
     text = say_cause(wrong, Scale(units_named("m")))
     assert text.startswith("the filter began at the true place (off by 0.01 m), but 180 deg off its heading")
-    assert "yaw" in say_remedy(wrong, True)
+    assert "yaw" in say_remedy(wrong, RunVerdict(has_laser=True))
 
 
 WITHOUT_TRUTH = {
