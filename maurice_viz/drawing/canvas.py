@@ -9,7 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values import F64, U8, Arena, Bool, OccupancyMap, Region
+from maurice_mcl.values import F32, F64, U8, Arena, Bool, OccupancyMap, Region
 
 from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, WALL, Scale
 
@@ -114,6 +114,13 @@ class Extent:
     def height(self) -> float:
         """Along y."""
         return self.bottom - self.top
+
+    def cut(self, outline: F32) -> F32:
+        """Return an outline (K, 2) that ends at the rectangle's sides; one wholly outside as it is."""
+        low, high = np.array([[self.left, self.top], [self.right, self.bottom]], np.float32)
+        if (outline.max(axis=0) < low).any() or (outline.min(axis=0) > high).any():
+            return outline
+        return np.clip(outline, low, high)
 
 
 @lru_cache(maxsize=8)

@@ -15,7 +15,7 @@ from maurice_mcl.values import F32, F64, I32, U8, Arena, Belief
 
 from .. import entities
 from ..drawing.arrow import LogRow, colors_of, places_of, points_of, row_of, strips_of, text_of, ui_points_of
-from ..drawing.canvas import Extent, long_side
+from ..drawing.canvas import Extent, arena_extent, long_side
 from ..drawing.keys import WEIGHTS, keys_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
@@ -221,6 +221,7 @@ class EllipsesPanel(Panel):
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
         self._path, self._is_own = run.paths.ellipses, not run.is_recorded
+        self._map = arena_extent(scene.arena, scene.scale)
         self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL_POSES)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -232,7 +233,7 @@ class EllipsesPanel(Panel):
         if update.whole and self._is_own:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             rec.log(self._path, row_of(rr.LineStrips2D, strips=strips_of([])))
-        self._drawn.append(ellipse_of(update.record.weighted, self._scale))
+        self._drawn.append(self._map.cut(ellipse_of(update.record.weighted, self._scale)))
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._path, row_of(rr.LineStrips2D, strips=strips_of(list(self._drawn))))
 
