@@ -203,7 +203,15 @@ def kidnapping_plan() -> SimulationPlan:
 def laser_plan() -> SimulationPlan:
     """Return the demo's drive with a laser: a robot that is carried away in an office."""
     task = TASKS["kidnapped"]
-    return SimulationPlan(task, "office", arena_seed=DEMO, seed=LASER_SEED, updates=LASER_UPDATES, laser=True)
+    return SimulationPlan(
+        task,
+        "office",
+        arena_seed=DEMO,
+        seed=LASER_SEED,
+        updates=LASER_UPDATES,
+        slip_chance=0.0,
+        laser=True,
+    )
 
 
 def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Frame:

@@ -111,7 +111,7 @@ GENERATOR = 2  # raise it whenever the same seed gives other files: old caches a
 LASER_GENERATOR = 3  # the same of drives with a laser
 SURVEY = Path("survey") / "survey.log"  # beside the session's log
 MAP = Path("map") / "map.yaml"  # in its place, of a robot with a laser
-LASER_SEED, LASER_UPDATES = 4, 36  # a drive on which AMCL keeps its place until it is carried away
+LASER_SEED, LASER_UPDATES = 20, 36  # a drive on which AMCL keeps its place until it is carried away
 KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
 
 
