@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
-from maurice_mcl.reasons.causes import UNKNOWN
+from maurice_mcl.reasons.causes import KIDNAPPED, UNKNOWN
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.table import KIDNAPPED, RIGHT_RAD, SEARCHING
+from maurice_mcl.scoring.table import RIGHT_RAD, SEARCHING
 
 from ..style import Scale, capital
 from .causes import say_failure, say_incident, say_rival, steps_text
@@ -152,7 +152,7 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
         elif before:
             because = f"; lost from step {before[0].onset} before"
         did += ", though right in the end" if end is not None and end.correct else sure
-        because += f"; {NEVER_DRAWS}" if _lacks_recovery(verdict) else ""
+        because += f"; {NEVER_DRAWS}" if _redrawn(verdict, last) == DRAWS_NEVER else ""
         return Outcome(did, off_at(verdict.end, scale), after=" at the end", alone=because)
     if last.localized is None:
         return Outcome("{was} lost", why)
@@ -162,19 +162,17 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     if len(episodes) == 1:
         found = "found {itself} again" if last.lost is None else "{was} lost, and found {itself} again"
         did = found if last.given is None else "{was} lost until somebody gave a pose"
-        drawn = BY_SCANS if last.kind == KIDNAPPED and _draws_by_scans(verdict) else fresh
+        drawn = BY_SCANS if _redrawn(verdict, last) == DRAWS_WHERE_LIKELY else fresh
         later = f", {last.localized - last.onset} steps later" if last.lost is not None else ""
         return Outcome(did, step, "at step ", alone=f"{later}{drawn}{because}")
     return Outcome("{was} lost again and again", step, f"{len(episodes)} times, until step ", alone=because)
 
 
-def _lacks_recovery(verdict: RunVerdict) -> bool:
-    """Return whether a run is AMCL's filter without AMCL's recovery."""
-    return verdict.laser is not None and verdict.draws_new == DRAWS_NEVER
-
-
-def _draws_by_scans(verdict: RunVerdict) -> bool:
-    return verdict.laser is not None and verdict.draws_new == DRAWS_WHERE_LIKELY
+def _redrawn(verdict: RunVerdict, episode: Episode) -> str | None:
+    """Return where a robot with a laser that was carried away had new particles; None of all others."""
+    incident = verdict.incident_of(episode)
+    is_carried = incident is not None and incident.about.cause == KIDNAPPED
+    return verdict.draws_new if is_carried and verdict.laser is not None else None
 
 
 def _why(verdict: RunVerdict) -> str:

@@ -57,7 +57,7 @@ NAMES: Mapping[str, str] = {  # of evidence
 
 
 @dataclass(frozen=True, slots=True)
-class Remedy:
+class Advice:
     """What the owner of a robot can do, where a run does not do so already."""
 
     text: str
@@ -90,35 +90,35 @@ def _skips_no_beams(run: RunVerdict) -> bool:
 
 
 PROB = "likelihood_field_prob"
-BEAMSKIP = Remedy(f"laser_model_type {PROB} with do_beamskip", _skips_no_beams)
-ASK_THE_SCAN = Remedy("--preset laser, which draws particles where the scan fits", _asks_no_scan)
-REMEDIES: Mapping[str, tuple[Remedy, ...]] = {  # of failures of a robot with a laser
+BEAMSKIP = Advice(f"laser_model_type {PROB} with do_beamskip", _skips_no_beams)
+ASK_THE_SCAN = Advice("--preset laser, which draws particles where the scan fits", _asks_no_scan)
+REMEDIES: Mapping[str, tuple[Advice, ...]] = {  # of failures of a robot with a laser
     KIDNAPPED: (
-        Remedy("recovery_alpha_slow 0.001, recovery_alpha_fast 0.1", _never_draws),
+        Advice("recovery_alpha_slow 0.001, recovery_alpha_fast 0.1", _never_draws),
         ASK_THE_SCAN,
-        Remedy("a pose given anew, as by RViz's 2D Pose Estimate", _asks_scans),
+        Advice("a pose given anew, as by RViz's 2D Pose Estimate", _asks_scans),
     ),
-    LEFT_MAP: (Remedy("map that part, too, and load the larger map.yaml"),),
-    MOTION: (Remedy("larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels"),),
+    LEFT_MAP: (Advice("map that part, too, and load the larger map.yaml"),),
+    MOTION: (Advice("larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels"),),
     NUMERIC: (
-        Remedy("a larger sigma_hit or z_rand: likelihoods that are less sharp", _has_amcls_model),
-        Remedy("fewer max_beams"),
+        Advice("a larger sigma_hit or z_rand: likelihoods that are less sharp", _has_amcls_model),
+        Advice("fewer max_beams"),
     ),
-    MOUNT: (Remedy("correct the transform from base_link to the laser; doctor says how"),),
-    WRONG_MAP: (Remedy("the map.yaml of this place; its resolution and origin"),),
-    UNSEEN: (Remedy("laser_max_range below what it sees"), BEAMSKIP, Remedy("draw glass walls into the map")),
-    VIEW: (BEAMSKIP, Remedy("a larger z_rand", _has_amcls_model), Remedy("a new map")),
+    MOUNT: (Advice("correct the transform from base_link to the laser; doctor says how"),),
+    WRONG_MAP: (Advice("the map.yaml of this place; its resolution and origin"),),
+    UNSEEN: (Advice("laser_max_range below what it sees"), BEAMSKIP, Advice("draw glass walls into the map")),
+    VIEW: (BEAMSKIP, Advice("a larger z_rand", _has_amcls_model), Advice("a new map")),
     START: (
-        Remedy("set_initial_pose with the right initial_pose"),
-        Remedy("a global start and more max_particles; doctor with --map tells a wrong map"),
+        Advice("set_initial_pose with the right initial_pose"),
+        Advice("a global start and more max_particles; doctor with --map tells a wrong map"),
     ),
     FLAT: (
-        Remedy(f"laser_model_type {PROB}", _is_flat),
-        Remedy("a smaller update_min_d, or smaller alpha1 to alpha4"),
+        Advice(f"laser_model_type {PROB}", _is_flat),
+        Advice("a smaller update_min_d, or smaller alpha1 to alpha4"),
     ),
-    AMBIGUITY: (Remedy("a known initial_pose; in a corridor better odometry and a smaller alpha3"),),
-    PROPOSAL: (Remedy("more max_particles, or a known initial_pose"), ASK_THE_SCAN),
-    RESAMPLING: (Remedy("more min_particles, resample_interval 2"),),
+    AMBIGUITY: (Advice("a known initial_pose; in a corridor better odometry and a smaller alpha3"),),
+    PROPOSAL: (Advice("more max_particles, or a known initial_pose"), ASK_THE_SCAN),
+    RESAMPLING: (Advice("more min_particles, resample_interval 2"),),
 }
 REMEDIES_BY: Mapping[str, str] = {  # of a number among the evidence, rather than of the kind
     "jump_m": "--reading odometry_are=jumping, which leaves the jump out; doctor shows when it was",
