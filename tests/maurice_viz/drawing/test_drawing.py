@@ -19,6 +19,7 @@ from maurice_viz.drawing.canvas import (
     MAP_MARGINS,
     MAP_TEXT_SHARE,
     MOST_TICKS,
+    Extent,
     ascii_of,
     blank,
     cells_in,
@@ -199,3 +200,19 @@ def test_ranges_are_drawn_from_left_to_right_wherever_the_laser_begins():
             draw_ranges(laser.judged(reading, pose), reading, RUN_COLORS[0], scale_for("m", WIDE))
         )
     assert pictures[0] == pictures[1] == pictures[2]
+
+
+IN, OVER, OUT = np.float32([[2, -1.5], [3, -1], [9, -1]])
+
+
+def test_an_outline_ends_at_the_sides_of_the_map_unless_it_is_wholly_outside():
+    extent, angles = Extent(0.0, 4.0, -3.0, 0.0), np.linspace(0, 2 * np.pi, 33)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+    inside, over, outside = (size * circle + at for size, at in ((1, IN), (2, OVER), (1, OUT)))
+    assert np.array_equal(extent.cut(inside), inside)
+    assert np.array_equal(extent.cut(outside), outside)
+    cut = extent.cut(over)
+    within = (over >= [0, -3]).all(axis=1) & (over <= [4, 0]).all(axis=1)
+    assert np.array_equal(cut[within], over[within])
+    assert cut.min(axis=0) == pytest.approx([1, -3])
+    assert cut.max(axis=0) == pytest.approx([4, 0])

@@ -6,12 +6,24 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, FLAT, LIGHTING, UNKNOWN, Failure, Incident
+from maurice_mcl.filter.recovery import DRAWS_NEVER, DRAWS_WHERE_LIKELY
+from maurice_mcl.reasons.causes import (
+    AMBIGUITY,
+    CARRIED,
+    DARK,
+    FLAT,
+    JUMPED,
+    LIGHTING,
+    UNKNOWN,
+    Failure,
+    Incident,
+)
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, decisive_step
 from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.table import PROBABLY_LOST
+from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import TWO_LINES, headline
 
@@ -21,6 +33,8 @@ GOOD = RunVerdict(updates=90, has_truth=True, localized=1, first=1, last=90, err
 STAYS = Episode("kidnapped", 61, 90, 61, 63, 64, steps=30, sure=29)
 EARLY, LATE = Episode("lost", 10, 60, 10, lost=13), Episode("lost", 70, 90, 70, lost=73)
 BACK = Episode("kidnapped", 61, 62, 61, localized=63, steps=2, fresh=100)
+LONG, JUMP = Episode("lost", 61, 75, 61, lost=64, localized=76, steps=15), Incident(JUMPED, 61, 61, 0.2, 3.0)
+AMCLS = LaserParameters(model="likelihood_field")
 
 
 def wrong(*episodes, end=OFF, **more):
@@ -46,6 +60,18 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         (
             wrong(BACK, end=NEAR),
             ["Kidnapped at step 61", "found itself again", "step 63", "100 new"],
+        ),
+        (
+            replace(GOOD, incidents=(JUMP,), episodes=(LONG,), end=NEAR),
+            ["The truth jumps at step 61: the filter was lost, and found itself again (at step 76, 15 steps"],
+        ),
+        (
+            replace(wrong(STAYS), laser=AMCLS, draws_new=DRAWS_NEVER),
+            ["stayed lost", "recovery_alpha 0: no new particles"],
+        ),
+        (
+            replace(wrong(BACK, end=NEAR), laser=AMCLS, draws_new=DRAWS_WHERE_LIKELY),
+            ["found itself again (at step 63, by particles drawn where the scan fits)"],
         ),
         (
             wrong(replace(BACK, kind="lost", given=62, fresh=0), end=NEAR),
@@ -171,3 +197,10 @@ def test_four_different_ends_have_room_in_two_lines(count):
     text = headline(dict(zip(labels, ends, strict=False)), INCHES)
     assert len(text) <= TWO_LINES
     assert all(f"`{label}`" in text for label in labels[:count] if count > 1)
+
+
+def test_no_episode_that_was_declared_lost_is_told_as_found_again_alone():
+    back = replace(GOOD, episodes=(LONG,), end=NEAR)
+    assert "`b` was lost, and found itself again" in headline({"a": GOOD, "b": back}, INCHES)
+    both = headline({"a": back, "b": back}, INCHES)
+    assert both == "`a` and `b` were lost, and found themselves again (at step 76)."

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from helpers.lost_runs import ALL, GONE, OFF, SINCE, UPDATES, healthy, stories
-from maurice_mcl.reasons.causes import CAUSES
+from maurice_mcl.filter.recovery import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
+from maurice_mcl.reasons.causes import CAUSES, FLAT, KIDNAPPED, PROPOSAL, VIEW
 from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.reasons.rules import decide, suspected
 from maurice_mcl.reasons.suspicion import scan_doubts
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
+from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import say_cause, say_evidence, say_remedy
 
@@ -72,6 +74,34 @@ def test_each_cause_is_named_by_its_own_evidence_and_said_of_scans(case):
         assert word not in text
     assert say_remedy(failure, RunVerdict(has_laser=True))
     assert not say_remedy(failure, RunVerdict())
+
+
+@pytest.mark.parametrize(
+    ("kind", "has", "told", "untold"),
+    [
+        (KIDNAPPED, {"draws_new": DRAWS_NEVER}, ["recovery_alpha_slow", "--preset laser"], ["2D Pose"]),
+        (KIDNAPPED, {"draws_new": DRAWS_EVENLY}, ["--preset laser"], ["recovery_alpha", "2D Pose"]),
+        (KIDNAPPED, {"draws_new": DRAWS_WHERE_LIKELY}, ["2D Pose"], ["recovery_alpha", "--preset"]),
+        (PROPOSAL, {"draws_new": DRAWS_WHERE_LIKELY}, ["max_particles"], ["--preset"]),
+        (FLAT, {"laser": LaserParameters("likelihood_field")}, ["likelihood_field_prob", "alpha1"], []),
+        (FLAT, {"laser": LaserParameters("likelihood_field_prob")}, ["alpha1"], ["laser_model_type"]),
+        (VIEW, {"laser": LaserParameters()}, ["a new map"], ["z_rand", "do_beamskip"]),
+        (VIEW, {"laser": LaserParameters("likelihood_field_prob")}, ["do_beamskip", "z_rand"], []),
+        (
+            VIEW,
+            {"laser": LaserParameters("likelihood_field_prob", do_beamskip=True)},
+            ["z_rand"],
+            ["do_beamskip"],
+        ),
+    ],
+)
+def test_a_run_is_advised_what_it_does_not_do_yet(kind, has, told, untold):
+    failure = replace(failure_of(*CASES["twin"][1:]), kind=kind)
+    advice = say_remedy(failure, RunVerdict(has_laser=True, **has))
+    for word in told:
+        assert word in advice
+    for word in untold:
+        assert word not in advice
 
 
 def test_a_corridor_is_told_from_a_twin_by_what_is_between():
