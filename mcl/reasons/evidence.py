@@ -156,7 +156,7 @@ class EvidenceFinder:
         sensed = (part for part in record.sighting.comparison.sensed if part.name == LASER)
         unread = next((replace(part, reading=None, cost=np.zeros(0, np.float32)) for part in sensed), None)
         frame = replace(record.frame, image=NO_PICTURE)
-        localizer, scans, is_off = self.localizer, self.scans, score.correct is False
+        localizer, scans, is_off = self.localizer, self.scans, score.localized is False
 
         def told() -> dict[str, Any]:
             pose = estimate if truth is None else truth

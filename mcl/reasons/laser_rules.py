@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..scoring.table import SEARCHING
 from ..sensor.laser.fit import OFF_SHARE, Mounting, ScanFit
 from .causes import AMBIGUITY, FLAT, LEFT_MAP, MOUNT, START, UNSEEN, VIEW, WRONG_MAP, Failure, Value
 from .evidence import Story, UpdateEvidence, median
@@ -131,13 +132,30 @@ def too_flat(story: Story) -> Failure | None:
     if len(fits) < LEAST_UPDATES:
         return None
     ahead, own = median(fit.ahead for fit in fits), median(fit.own_ahead for fit in fits)
+    numbers = _says_little(story, fits)
+    if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or not numbers:
+        return None
+    return story.failure(FLAT, wrong[0].step, **numbers, ahead_nats=ahead, own_nats=own, scans=len(fits))
+
+
+def never_sure(story: Story) -> Failure | None:
+    """The run was right, and its own model of the laser says too little to keep the cloud together."""
+    searched = story.where(range(story.lost, story.end + 1), lambda u: u.scan is not None)
+    right = [update for update in searched if update.score.correct and not update.score.converged]
+    fits = [fit for fit in _fits(right) if fit.off < OFF_SHARE]
+    if story.episode.kind != SEARCHING or len(fits) < max(MOST_SHARE * len(searched), LEAST_UPDATES):
+        return None
+    numbers = _says_little(story, fits)
+    return story.failure(FLAT, right[0].step, **numbers, scans=len(fits)) if numbers else None
+
+
+def _says_little(story: Story, fits: list[ScanFit]) -> dict[str, Value]:
+    """Return what the run's model says of some scans beside what its motion needs; {}: it is enough."""
     growth = median(u.surprise.growth for u in story.updates if u.surprise is not None)
     moved_m = median(u.moved_m for u in story.updates if u.moved_m is not None)
     says = median(fit.own_over_typical for fit in fits)
-    if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or says > max(growth, FLAT_NATS):
-        return None
-    numbers = {"says_nats": says, "needs_nats": growth, "ahead_nats": ahead, "own_nats": own}
-    return story.failure(FLAT, wrong[0].step, **numbers, between_m=moved_m, scans=len(fits))
+    enough = says > max(growth, FLAT_NATS)
+    return {} if enough else {"says_nats": says, "needs_nats": growth, "between_m": moved_m}
 
 
 def fits_elsewhere(story: Story) -> Failure | None:

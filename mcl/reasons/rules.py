@@ -73,6 +73,7 @@ RULES = (
     CauseRule(laser.range_cut),
     CauseRule(laser.fits_elsewhere),
     CauseRule(laser.too_flat),
+    CauseRule(laser.never_sure),
     CauseRule(drive.unlucky),
     CauseRule(picture.ambiguity),
     CauseRule(drive.no_particle),

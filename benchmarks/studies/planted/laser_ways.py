@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from maurice_datasets.render.laser import occupancy_of
-from maurice_datasets.robot.motion import Chassis
 from maurice_datasets.robot.planner import free_pose, raster
 from maurice_datasets.sessions import SimulatedSession, session_info
 from maurice_datasets.simulation import SimulationPlan, stage
@@ -40,24 +39,26 @@ from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import Moment
 
 from .drives import anywhere, odometry_changed, started_at, with_moments
-from .ways import CAUTIOUS
 
-UPDATES = 60
-SINCE = (12, 18)  # updates between which a cause begins
+MOVEMENTS = 24  # of a drive: some 75 updates
+SINCE = (16, 24)  # updates between which a cause begins ...
+AFTER = (5, 8)  # ... and movements
 HEALTHY = "healthy"
 # over the preset "amcl": the robot's own motion, and the model that sums logs, with which it finds its way
 FILTER: Mapping[str, Any] = {
-    "motion": Chassis().motion_header(),
+    "motion": {"model": "odometry", **dict.fromkeys(ALPHAS, 0.02)},
     "sensor.laser.model": "likelihood_field_prob",
 }
 SEARCHING: Mapping[str, Any] = {**FILTER, "resampling.adaptive": False, "particles": 10_000}
-SEEING: Mapping[str, Any] = {**FILTER, "motion": CAUTIOUS}  # so that scans must keep the robot on its way
 NAV2: Mapping[str, Any] = {"motion": {"model": "odometry", **dict.fromkeys(ALPHAS, 0.2)}}
+SEEING: Mapping[str, Any] = {**FILTER, **NAV2}  # so that scans must keep the robot on its way
 FAR_M = 1.5  # a wrong start is at least so far away
 REACH_M, CELL_M = 6.0, 0.05
 KNOWN_M = 1.2  # of the map around the way up to where it ends
 THINGS_M2 = 1.0  # a square meter
-SPARSE = 3  # one scan of so many is used
+SPARSE = 8  # one scan of so many is used
+SPARSE_MOVEMENTS = 60
+CORRIDOR_UPDATES = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,15 +120,23 @@ def _driven(ground: LaserGround, seed: int, task: str, **changes: Any) -> Render
         world=ground.name,
         arena_seed=ground.arena_seed,
         seed=seed,
-        updates=UPDATES,
         slip_chance=0.0,
         laser=True,
-        **changes,
+        **{"updates": MOVEMENTS, **changes},
     )
     set_up = stage(plan, ground.world)
     info = replace(session_info(set_up), survey=None, notes=())
     moments = SimulatedSession(set_up, info).moments()
     return RenderedSession(info, tuple(replace(moment, events=()) for moment in moments))
+
+
+def _step_after(ground: LaserGround, seed: int, movement: int) -> int:
+    """Return the first update after a movement of a drive."""
+    plan = SimulationPlan(
+        TASKS["tracking"], ground.name, seed=seed, updates=movement, slip_chance=0.0, laser=True
+    )
+    *_, last = stage(plan, ground.world).course.segments()
+    return 1 + sum(moment.frame.time_s <= last.t_s for moment in drive(ground, seed).moments())
 
 
 def scans_changed(session: RenderedSession, change: Change, since: int = 1) -> RenderedSession:
@@ -271,15 +280,17 @@ def mirrored_laser(ground: LaserGround, seed: int, rng: np.random.Generator) -> 
 
 def carried_away(ground: LaserGround, seed: int, rng: np.random.Generator) -> LaserPlanting:
     """The robot is carried to another place."""
-    at = _since(rng)
-    session = drive(ground, seed, task="kidnapped", kidnap_at=at - 1)
+    movement = int(rng.integers(*AFTER))
+    at = _step_after(ground, seed, movement)
+    session = drive(ground, seed, task="kidnapped", kidnap_at=movement)
     return _planted("carried away", ground, seed, at, session=session)
 
 
 def spinning_wheels(ground: LaserGround, seed: int, rng: np.random.Generator) -> LaserPlanting:
     """The wheels spin for some updates."""
-    at = _since(rng)
-    session = drive(ground, seed, slip_at=range(at, at + 6))
+    movement = int(rng.integers(*AFTER))
+    at = _step_after(ground, seed, movement)
+    session = drive(ground, seed, slip_at=range(movement + 1, movement + 7))
     return _planted("the wheels spin", ground, seed, at, session=session)
 
 
@@ -291,7 +302,8 @@ def bad_odometry(ground: LaserGround, seed: int, rng: np.random.Generator) -> La
         motions[:, 2] *= 2.5
         return motions
 
-    session = odometry_changed(drive(ground, seed), more, range(at, UPDATES + 1))
+    plain = drive(ground, seed)
+    session = odometry_changed(plain, more, range(at, len(plain.all_moments) + 1))
     return _planted("turns are read 2.5 times too large", ground, seed, at, session=session)
 
 
@@ -317,8 +329,9 @@ def too_few(ground: LaserGround, seed: int, rng: np.random.Generator) -> LaserPl
 def flat_field(ground: LaserGround, seed: int, rng: np.random.Generator) -> LaserPlanting:
     """AMCL with Nav2's defaults, and scans that are far apart."""
     kept, motions = list[Moment](), list[F64]()
-    before = drive(ground, seed).info.start
-    for moment in drive(ground, seed).moments():
+    plain = drive(ground, seed, updates=SPARSE_MOVEMENTS)
+    before = plain.info.start
+    for moment in plain.moments():
         assert moment.truth is not None
         assert before is not None
         motion = motion_between(before, moment.truth)
@@ -328,7 +341,7 @@ def flat_field(ground: LaserGround, seed: int, rng: np.random.Generator) -> Lase
             frame = replace(moment.frame, step=moment.frame.step // SPARSE, motions=np.array(motions))
             kept.append(replace(moment, frame=frame))
             motions = []
-    session = with_moments(drive(ground, seed), kept)
+    session = with_moments(plain, kept)
     planting = _planted("Nav2's defaults, scans far apart", ground, seed, session=session, settings=NAV2)
     usual = {"sensor.laser.model": "likelihood_field_prob"}
     return replace(planting, plain=session, usual=usual)
@@ -354,7 +367,7 @@ def corridor(ground: LaserGround, seed: int, rng: np.random.Generator) -> LaserP
     scale, moments = 1 + float(rng.choice([-1, 1]) * rng.uniform(0.06, 0.08)), list[Moment]()
     plain = drive(ground, seed)
     start = pose = np.array([8.0, wide_m / 2 + rng.uniform(-0.3, 0.3), 0.0])
-    for moment in plain.moments():
+    for moment in plain.all_moments[:CORRIDOR_UPDATES]:
         assert moment.frame.scan is not None
         motion = np.array([step_m, 0.0, float(rng.normal(0, 0.01) - 0.2 * pose[2])])
         pose = compose(pose, motion)
