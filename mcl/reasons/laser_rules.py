@@ -135,7 +135,8 @@ def too_flat(story: Story) -> Failure | None:
     numbers = _says_little(story, fits)
     if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or not numbers:
         return None
-    return story.failure(FLAT, wrong[0].step, **numbers, ahead_nats=ahead, own_nats=own, scans=len(fits))
+    numbers |= {"ahead_nats": ahead, "own_nats": own, "between_m": _between_m(story)}
+    return story.failure(FLAT, wrong[0].step, **numbers, scans=len(fits))
 
 
 def never_sure(story: Story) -> Failure | None:
@@ -146,16 +147,20 @@ def never_sure(story: Story) -> Failure | None:
     if story.episode.kind != SEARCHING or len(fits) < max(MOST_SHARE * len(searched), LEAST_UPDATES):
         return None
     numbers = _says_little(story, fits)
-    return story.failure(FLAT, right[0].step, **numbers, scans=len(fits)) if numbers else None
+    if not numbers:
+        return None
+    return story.failure(FLAT, right[0].step, **numbers, between_m=_between_m(story), scans=len(fits))
 
 
 def _says_little(story: Story, fits: list[ScanFit]) -> dict[str, Value]:
     """Return what the run's model says of some scans beside what its motion needs; {}: it is enough."""
     growth = median(u.surprise.growth for u in story.updates if u.surprise is not None)
-    moved_m = median(u.moved_m for u in story.updates if u.moved_m is not None)
     says = median(fit.own_over_typical for fit in fits)
-    enough = says > max(growth, FLAT_NATS)
-    return {} if enough else {"says_nats": says, "needs_nats": growth, "between_m": moved_m}
+    return {} if says > max(growth, FLAT_NATS) else {"says_nats": says, "needs_nats": growth}
+
+
+def _between_m(story: Story) -> float:
+    return median(u.moved_m for u in story.updates if u.moved_m is not None)
 
 
 def fits_elsewhere(story: Story) -> Failure | None:

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helpers.lost_runs import ALL, GONE, OFF, SINCE, UPDATES, healthy, stories
+from helpers.lost_runs import ALL, GONE, HELD, OFF, SINCE, UPDATES, healthy, stories
 from maurice_mcl.filter.recovery import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
-from maurice_mcl.reasons.causes import CAUSES, FLAT, KIDNAPPED, PROPOSAL, VIEW
+from maurice_mcl.reasons.causes import CAUSES, FLAT, KIDNAPPED, PROPOSAL, UNKNOWN, VIEW
 from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.reasons.rules import decide, suspected
 from maurice_mcl.reasons.suspicion import scan_doubts
 from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_viz.style import Scale, units_named
@@ -102,6 +103,21 @@ def test_a_run_is_advised_what_it_does_not_do_yet(kind, has, told, untold):
         assert word in advice
     for word in untold:
         assert word not in advice
+
+
+@pytest.mark.parametrize(
+    ("says_nats", "needs_nats", "kind"), [(1.2, 5.0, FLAT), (4.9, 5.0, FLAT), (5.1, 5.0, UNKNOWN)]
+)
+def test_a_run_that_is_right_and_never_sure_has_a_flat_likelihood(says_nats, needs_nats, kind):
+    """Its estimate is at the truth: only what its own model says beside its motion noise tells why."""
+    here = replace(FITS, ahead=0.4, own_ahead=0.1, own_over_typical=says_nats)
+    unsure, moves = StepScore(0.1, 0.0, False, True, False), Surprise(0.5, -0.3, 0.8, needs_nats)
+    failure = failure_of(here, ALL, score=unsure, near=HELD, surprise=moves)
+    assert failure.kind == kind
+    if kind == FLAT:
+        text = say_cause(failure, Scale(units_named("m")))
+        assert f"at most {says_nats:.1f} nats a scan" in text
+        assert f"{needs_nats:.1f}" in text
 
 
 def test_a_corridor_is_told_from_a_twin_by_what_is_between():
