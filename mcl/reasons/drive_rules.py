@@ -86,13 +86,14 @@ def stuck_pictures(story: Story) -> Failure | None:
 def odometry_jumps(story: Story) -> Failure | None:
     """Odometry jumped: it was far faster than it ever was, and the robot did not follow."""
     for update in story.where(story.window, lambda u: u.driven_m - (u.moved_m or 0.0) > u.lost_m):
+        after_s = update.after_s or float("inf")  # of the first update no speed is known
         others = [u.driven_m / u.after_s for u in story.updates if u is not update and u.after_s]
         usual_m_s = (
             float(np.percentile(others, USUAL_PERCENT)) if len(others) > FASTER_AFTER else float("inf")
         )
-        if update.driven_m > FAR_FASTER * usual_m_s * (update.after_s or 0.0):
+        if update.driven_m > FAR_FASTER * usual_m_s * after_s:
             moved = {} if update.moved_m is None else {"moved_m": update.moved_m}
-            jump = {"jump_m": update.driven_m, "within_s": update.after_s or 0.0}
+            jump = {"jump_m": update.driven_m, "within_s": after_s}
             return story.failure(MOTION, update.step, **jump, usual_speed=usual_m_s, **moved)
     return None
 

@@ -120,6 +120,9 @@ def test_a_jump_of_odometry_is_far_faster_than_it_ever_was():
     assert (found.kind, found.first, found.evidence["jump_m"]) == ("motion", at, 9.0)
     fast = [healthy(step, driven_m=3.0, moved_m=3.0 if step != at else 0.3) for step in ALL]
     assert "jump_m" not in decided(fast).evidence  # wheels that spin go no faster than they do
+    for unknown_s in (None, 0.0):  # before the first update, and where all stamps are equal
+        untimed = failure_of({"driven_m": 9.0, "moved_m": 0.3, "after_s": unknown_s}, [at])
+        assert "jump_m" not in untimed.evidence
 
 
 def test_the_jump_of_a_recorded_estimate_is_told_and_no_cause_is_made_up():
