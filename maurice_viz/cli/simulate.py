@@ -79,18 +79,19 @@ class DriveSet:
     ] = 0
     updates: Annotated[
         int,
-        option(
-            "--updates", "Number of times the robot moves and takes a picture.", DRIVE, min=1, max=1_000_000
-        ),
+        option("--updates", "Number of movements, each a step with a camera.", DRIVE, min=1, max=1_000_000),
     ] = 120
     kidnap_at: Annotated[
         int | None,
-        option("--kidnap-at", "Carry the robot away after this step. [default: halfway]", DRIVE, min=1),
+        option("--kidnap-at", "Carry the robot away after this movement. [default: halfway]", DRIVE, min=1),
     ] = None
     slip_at: Annotated[
         str,
         option(
-            "--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE, metavar="STEPS"
+            "--slip-at",
+            "Let the wheels spin in this movement, or in a range like 34-37.",
+            DRIVE,
+            metavar="MOVEMENTS",
         ),
     ] = ""
     lights: Annotated[

@@ -277,6 +277,7 @@ FIRST_UPDATES = 10  # of an episode, whose pictures are looked at
 AWAY_UPDATES, AWAY_SHARE = 4, 0.75  # at another place: at least so many, and this share of them
 CLEAR_SHARE = 0.15  # of the spread of log-likelihoods over the library
 WENT_ON = 2.0  # times the usual way between updates: farther than a robot that waits goes before the next
+WAY_PERCENT = 90.0  # of the updates, whose way is shorter: a laser is used after turns on the spot, too
 LEAST_SHARE = 0.5  # over the number of particles: a smaller share near the truth is none
 BEGAN_UPDATES = 10  # before it is probably lost, in which that began
 LOOKBACK_UPDATES = 30  # before a loss, that are looked at if the truth was never held
@@ -404,7 +405,7 @@ class Story:
 
     def waited(self, update: UpdateEvidence) -> float:
         """Return the time before an update over the usual; 0 for scans of a robot that stood still."""
-        usual_m = median(update.driven_m for update in self.updates)
+        usual_m = float(np.percentile([update.driven_m for update in self.updates], WAY_PERCENT))
         if not update.spread_nats > 0 and update.driven_m < WENT_ON * usual_m:
             return 0.0
         return (update.after_s or 0.0) / self.usual_s if self.usual_s > 0 else 0.0

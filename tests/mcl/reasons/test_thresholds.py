@@ -372,6 +372,9 @@ def test_a_robot_that_waits_goes_less_than_twice_as_far_and_half_a_particle_is_n
     told = run({"spread_nats": 0.0, "driven_m": 0.59}, spread_nats=0.0)
     late = told.updates[LOST_AT - 1]
     assert [told.waited(replace(late, driven_m=way)) for way in (0.59, 0.61)] == [0.0, 1.0]
+    turns = [replace(update, driven_m=0.0) if update.step % 4 else update for update in told.updates]
+    turning = replace(told, updates=turns)  # three of four updates are turns on the spot
+    assert [turning.waited(replace(late, driven_m=way)) for way in (0.59, 0.61)] == [0.0, 1.0]
     assert run({}).nats_lost == pytest.approx((np.log(0.95 / 0.0005), 0.0))
 
 
