@@ -40,8 +40,9 @@ def _table(folder: Path, updates: int, rounds: int) -> Table:
     if not path:
         path = str(
             simulate(
-                simulation_plan("tracking", world="office", updates=updates, laser=True), folder / "drive"
-            ).session
+                simulation_plan("tracking", world="office", updates=updates // 2, laser=True),
+                folder / "drive",
+            ).session  # each movement makes two updates or three
         )
     drive = open_drive(SessionSpec("laser", path=path, mapped="all"), 0)
     moments = list(drive.session.moments())[:updates]
