@@ -22,8 +22,9 @@ from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
 from maurice_viz import entities
+from maurice_viz.drawing.canvas import arena_extent
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
-from maurice_viz.panels.belief import copies_of, positions
+from maurice_viz.panels.belief import copies_of, ellipse_of, positions
 from maurice_viz.panels.events import LINE_COLORS, own_path, word_of
 from maurice_viz.panels.inside import AFTER, BEFORE, DOT
 from maurice_viz.panels.population import outline
@@ -266,6 +267,7 @@ def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
 def test_ellipse_and_rings_are_those_of_each_phase(drive):
     played, path, scale = drive
     ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
+    extent = arena_extent(fakes.make_library().arena, scale)
     rings, colors, labels = (
         {number: drawn or [] for number, drawn in shown(path, RUN.mode_rings, f"LineStrips2D:{part}").items()}
         for part in ("strips", "colors", "labels")
@@ -280,9 +282,10 @@ def test_ellipse_and_rings_are_those_of_each_phase(drive):
             assert len(ellipses[number]) == weighed
             assert len(rings[number]) == len(colors[number]) == (len(modes) if weighed else 0)
         (ellipse,) = ellipses[PHASES_PER_STEP * moment.frame.step + Phase.WEIGHT]
-        wide, high = np.ptp(np.array(ellipse), axis=0)
+        whole = ellipse_of(record.weighted, scale)
         sd = np.array([scale.length(one) for one in record.mean_estimate.sd_m])
-        assert (wide, high) == pytest.approx(4 * sd, rel=0.02, abs=0.1)
+        assert np.ptp(whole, axis=0) == pytest.approx(4 * sd, rel=0.02, abs=0.1)
+        assert np.array(ellipse) == pytest.approx(extent.cut(whole), abs=1e-3)
         number = PHASES_PER_STEP * moment.frame.step + Phase.WEIGHT
         for mode, ring, color in zip(modes, rings[number], colors[number], strict=True):
             middle = np.array(ring)[:-1].mean(axis=0)
