@@ -199,12 +199,14 @@ def suspicions(rows: Sequence[Row]) -> list[str]:
     well = [row for row in rows if row["planted"] == HEALTHY and row["named"]]
     noticed = [row for row in sick if row["named"] != NONE]
     causes = [row for row in noticed if row["named"] != UNKNOWN]
-    wrong = rate(sum(row["named"] != row["planted"] for row in causes), len(causes))
+    wrong = sum(row["named"] != row["planted"] for row in causes)
+    share = rate(wrong, len(causes))
+    of_these = f": {share.value:.0%} [{share.low:.0%}, {share.high:.0%}]" if causes else ""
     doubted = sum(row["named"] != NONE for row in well)
     return [
         f"Of {len(sick)} runs that failed {len(noticed)} were doubted without truth; a cause was named in",
-        f"{len(causes)}, and was wrong in {round(wrong.value * wrong.count)} of these: {wrong.value:.0%} "
-        f"[{wrong.low:.0%}, {wrong.high:.0%}]. Of {len(well)} healthy runs {doubted} were doubted.",
+        f"{len(causes)}, and was wrong in {wrong} of these{of_these}. Of {len(well)} healthy runs {doubted} "
+        "were doubted.",
     ]
 
 
