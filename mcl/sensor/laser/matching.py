@@ -5,10 +5,17 @@ max-pooled fields, and the best boxes are divided, as in branch and bound (Olson
 al., ICRA 2016). Pooled over the entire box a rating would be a bound, and so loose that among a limited
 number of boxes the true one drowns: pooled over half of it, as many boxes find the true pose in 98 instead of
 80 of 100 scans.
+
+The coarsest boxes are all rated, also those of a large map: boxes of several meters would lose the true one
+in half of the scans. Each point adds a shifted picture of the map to the ratings of all boxes of a heading,
+which takes a tenth of the time that looking each of them up would. Besides the best boxes of all, the best of
+each tile are divided: where cells are occupied here and there, as outdoors behind windows, all boxes have the
+highest rating.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I64, UNKNOWN, Bool, OccupancyMap, PoseProposal, wrap_angle
+from ...values import F32, F64, I16, I64, UNKNOWN, Bool, OccupancyMap, PoseProposal, wrap_angle
 from .field import Distances, largest
 from .models import SIGMA_M, UNKNOWN_NATS, laser_map, worth_of
 from .parameters import LaserParameters
@@ -29,19 +36,25 @@ REACH_M = 25.0  # points farther off are left out: the field's margin is as wide
 MOST_CELLS = 2**22  # of the field; finer maps are coarsened
 MOST_PADDED = 6 * 2**22  # with its margin, which takes more cells the finer they are
 LEAF_M, HEADINGS = 0.1, 384  # side of the smallest boxes, and how many headings they have
-LEVELS_ABOVE = 3  # the smallest boxes, each with twice the side and turn; more on large maps
-MOST_ROOTS = 120_000  # boxes of the coarsest level
-KEPT_BOXES = (1000, 2000, 4000, 8000)  # boxes of the smallest but one level and those above that are divided
+COARSEST = 3  # levels above the smallest boxes, each with twice the side and turn
+KEPT_BOXES = (1000, 2000, 4000)  # boxes of the smallest but one level and those above that are divided
+KEPT_OF_TILE = (4, 4, 8)  # the same of each tile, also where others are better
+TILE = 4  # the coarsest boxes along its side
+ROOM_M, ROOM_SHARE = 0.45, 0.6  # a robot is in a square of this side that is free to such a share
+STEPS_A_NAT = 200  # of the coarsest ratings, which are whole numbers of 16 bits
+RULED_OUT = np.iinfo(np.int16).min  # the rating where no robot can be
 POOLED_SHARE = 0.5  # of a box, around its middle
 BLOCK_BOXES = 1024
-POOLED_CELLS, LAYERS = 4, 8  # cells around each one in a pooled layer; layers, each with cells twice as wide
+# Of pooled layers: cells in one of theirs along an axis, and how many of those are pooled.
+POOLED = ((1, 1), (1, 2), *((2**power, 4) for power in range(8)))
 FAR_M = 1.0  # from what is occupied: beams that end farther off are worth the same
 
-MOST_MATCHES = 1000  # of the best poses, whose beams are followed through the map
+FIRST_MATCHES = 200  # of the best poses, whose beams are followed through the map to see which others count
+MOST_MATCHES = 4000  # poses that count; of more, as along corridors, evenly chosen ones
 THROUGH_M = 0.4  # a beam that the map would have ended by so much earlier went through a wall
 THROUGH_NATS = -1.0  # of such a beam
 WINDOW_NATS = 8.0  # poses so far below the best one count nothing
-MOST_MODES = 20
+MOST_MODES, MOST_LEFT_OUT = 20, 0.05  # and share of the likelihood that may be in none of them
 # of a scan's errors: fitted so that covariances and weights hold on four logs, with maps of other scans too
 INDEPENDENT_BEAMS = 30.0
 MODE_M, MODE_RAD = 0.6, float(np.radians(12))  # poses nearer to a mode's best one are part of it
@@ -56,26 +69,51 @@ class Matches:
     cell: F64  # (3,) sides of the grid in meters, meters and radians
 
     def proposal(self) -> PoseProposal:
-        """Return the modes of the likelihood, with its mass, mean and covariance around each."""
+        """Return the modes of the likelihood, with its mass, mean and covariance around each.
+
+        Where a scan fits in more places than there may be modes, as along a corridor, modes are wider.
+        """
         near = self.nats > self.nats[0] - WINDOW_NATS
         poses, mass = self.poses[near], np.exp(self.nats[near] - self.nats[0])
-        left = np.ones(len(poses), bool)
+        radius_m, parts = MODE_M, _parts(poses, MODE_M)
+        while mass[parts < 0].sum() > MOST_LEFT_OUT * mass.sum():
+            radius_m *= 2
+            parts = _parts(poses, radius_m)
         means, covariances, weights = list[F64](), list[F64](), list[float]()
-        while left.any() and len(means) < MOST_MODES:
-            best = poses[np.argmax(left)]
-            away = poses - best
-            away[:, 2] = wrap_angle(away[:, 2])
-            part = left & (np.hypot(away[:, 0], away[:, 1]) < MODE_M) & (np.abs(away[:, 2]) < MODE_RAD)
-            share = mass[part] / mass[part].sum()
-            mean = share @ away[part]
-            off = away[part] - mean
-            means.append(best + mean)
+        for number in range(parts.max() + 1):
+            inside = np.flatnonzero(parts == number)
+            away = _away(poses[inside], poses[inside[0]])
+            share = mass[inside] / mass[inside].sum()
+            mean = share @ away
+            off = away - mean
+            means.append(poses[inside[0]] + mean)
             covariances.append((off.T * share) @ off + np.diag(self.cell**2 / 12))
-            weights.append(float(mass[part].sum()))
-            left &= ~part
+            weights.append(float(mass[inside].sum()))
         modes = np.array(means)
         modes[:, 2] = wrap_angle(modes[:, 2])
         return PoseProposal(modes, np.array(covariances), np.array(weights) / sum(weights))
+
+
+def _parts(poses: F64, radius_m: float) -> I64:
+    """Return the number (N,) of the mode that each pose (N, 3) is part of; -1 where modes ran out.
+
+    A mode is what is near its best pose, the best of those left.
+    """
+    parts, left = np.full(len(poses), -1), np.ones(len(poses), bool)
+    for number in range(MOST_MODES):
+        if not left.any():
+            break
+        away = _away(poses, poses[np.argmax(left)])
+        part = left & (np.hypot(away[:, 0], away[:, 1]) < radius_m) & (np.abs(away[:, 2]) < MODE_RAD)
+        parts[part] = number
+        left &= ~part
+    return parts
+
+
+def _away(poses: F64, pose: F64) -> F64:
+    away = poses - pose
+    away[:, 2] = wrap_angle(away[:, 2])
+    return away
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,42 +148,93 @@ class Matcher:
     def search(self, points: F64, mount: F64 | None = None) -> Matches | None:
         """Return the poses where a scan fits best; None where too few points are hit or no cell is free."""
         points = points[np.hypot(*points.T) < REACH_M]
-        if len(points) < LEAST_HITS or not self.occupancy.free.any():
+        mount = np.zeros(3) if mount is None else mount
+        if len(points) < LEAST_HITS or not self._room.any():
             return None
         count = min(len(points), MOST_POINTS)
         points = points[(2 * np.arange(count) + 1) * len(points) // (2 * count)]
-        independent = min(1.0, INDEPENDENT_BEAMS / count)
-        boxes, level = self._roots()
-        while level:
-            rating = self._rated(boxes, points, level)
-            most = KEPT_BOXES[min(level, len(KEPT_BOXES)) - 1]
-            if len(rating) > most:
-                order = np.argpartition(-rating, most)
-                boxes = boxes[:, order[:most]]
-            level -= 1
+        boxes = self._coarsest(points)
+        for level in reversed(range(COARSEST)):
             boxes = self._divided(boxes, level)
-        nats = self._rated(boxes, points, 0)
-        best = np.argsort(-nats, kind="stable")[:MOST_MATCHES]
-        rows, columns, turns = boxes[:, best]
-        x_m, y_m = self.occupancy.corner[:, None] + (np.stack([columns, rows]) + 0.5) * self._leaf_m
-        turn_rad = 2 * np.pi / HEADINGS
-        poses = np.column_stack([x_m, y_m, wrap_angle((turns + 0.5) * turn_rad)])
-        through = self._through(poses, points, np.zeros(3) if mount is None else mount)
-        total = (nats[best] + THROUGH_NATS * through) * independent
+            if level:
+                boxes = boxes[:, _best(boxes, self._rated(boxes, points, level), level)]
+        share = min(1.0, INDEPENDENT_BEAMS / count)
+        nats = self._rated(boxes, points, 0) * np.float32(share)
+        order = np.argsort(-nats, kind="stable")
+        boxes, nats = boxes[:, order], nats[order]
+        first = slice(FIRST_MATCHES)
+        through = THROUGH_NATS * share * self._through(self._poses(boxes[:, first]), points, mount)
+        best = float((nats[first] + through).max())
+        near = max(int(np.count_nonzero(nats > best - WINDOW_NATS)), min(FIRST_MATCHES, len(nats)))
+        some = np.arange(near)[:: -(-near // MOST_MATCHES)]
+        poses = self._poses(boxes[:, some])
+        total = nats[some] + THROUGH_NATS * share * self._through(poses, points, mount)
         order = np.argsort(-total, kind="stable")
-        cell = np.array([self._leaf_m, self._leaf_m, turn_rad])
+        cell = np.array([self._leaf_m, self._leaf_m, 2 * np.pi / HEADINGS])
         return Matches(poses[order], total[order], cell)
+
+    def _poses(self, boxes: I64) -> F64:
+        """Return the middles (N, 3) of the smallest boxes."""
+        rows, columns, turns = boxes
+        x_m, y_m = self.occupancy.corner[:, None] + (np.stack([columns, rows]) + 0.5) * self._leaf_m
+        return np.column_stack([x_m, y_m, wrap_angle((turns + 0.5) * (2 * np.pi / HEADINGS))])
 
     # The search: boxes are rows, columns and turns (3, N) on a grid that depends on their level.
 
-    def _roots(self) -> tuple[I64, int]:
-        """Return the boxes to begin with, and their level."""
-        level = LEVELS_ABOVE
-        while self._free(level).sum() * _headings(level) > MOST_ROOTS:
-            level += 1
-        rows, columns = np.nonzero(self._free(level))
-        turns = np.repeat(np.arange(_headings(level)), len(rows))
-        return np.stack([np.tile(rows, _headings(level)), np.tile(columns, _headings(level)), turns]), level
+    def _coarsest(self, points: F64) -> I64:
+        """Return the best boxes of the coarsest level."""
+        free, headings = self._free(COARSEST), _headings(COARSEST)
+        height, width = free.shape
+        shifts = self._shifts(points)
+        ratings = np.zeros((headings, height, width), np.int16)
+        for turn, rating in enumerate(ratings):
+            for phases, places in shifts:
+                first_row, row, first_column, column = places[turn]
+                rating += phases[first_row, first_column, row : row + height, column : column + width]
+        ratings[:, ~free] = RULED_OUT
+        best = _largest(ratings.ravel(), KEPT_BOXES[-1])
+        best = np.union1d(best, _of_tiles(ratings, KEPT_OF_TILE[-1]))
+        turns, rows, columns = np.unravel_index(best, ratings.shape)
+        boxes = np.stack([rows, columns, turns])
+        return boxes[:, free[rows, columns]]
+
+    def _shifts(self, points: F64) -> list[tuple[I16, list[list[int]]]]:
+        """Return for each point a layer by phases, and for each turn where in it the ratings begin."""
+        turn_rad = 2 * np.pi / _headings(COARSEST)
+        headings = (np.arange(_headings(COARSEST)) + 0.5) * turn_rad
+        cos, sin = np.cos(headings), np.sin(headings)
+        shifts = list[tuple[I16, list[list[int]]]]()
+        for number, (x_m, y_m) in zip(self._layer_of(points, COARSEST).tolist(), points, strict=True):
+            layer, phases = self._layers[number], self._phases(number)
+            stride, x, y = len(phases), x_m / layer.cell_m, y_m / layer.cell_m
+            middle = layer.margin + stride // 2
+            row, column = np.floor([sin * x + cos * y, cos * x - sin * y]).astype(int) + middle
+            places = np.stack([row % stride, row // stride, column % stride, column // stride], axis=1)
+            shifts.append((phases, places.tolist()))
+        return shifts
+
+    def _phases(self, number: int) -> I16:
+        """Return a layer as pictures (S, S, rows, columns) with a cell for each of the coarsest boxes."""
+        if number not in self._pictures:
+            layer = self._layers[number]
+            steps = np.rint(layer.worth * np.float32(STEPS_A_NAT)).astype(np.int16)
+            stride = round(self._leaf_m * 2**COARSEST / layer.cell_m)
+            blocks = _blocks(steps.reshape(-1, layer.columns), stride, 0)
+            self._pictures[number] = np.ascontiguousarray(blocks.transpose(1, 3, 0, 2))
+        return self._pictures[number]
+
+    @cached_property
+    def _pictures(self) -> dict[int, I16]:
+        return {}
+
+    def _layer_of(self, points: F64, level: int) -> I64:
+        """Return the layers (K,) in which points (K, 2) are looked up: pooled as far as a box moves them."""
+        if not level:
+            return np.zeros(len(points), np.int64)
+        side_m, turn_rad = self._leaf_m * 2**level, 2 * np.pi / _headings(level)
+        away_m = POOLED_SHARE / 2 * (side_m + np.hypot(*points.T) * turn_rad)
+        reaches = [layer.reach_m - layer.cell_m for layer in self._layers[1:-1]]  # less what is rounded
+        return np.asarray(1 + np.searchsorted(reaches, away_m))
 
     def _divided(self, boxes: I64, level: int) -> I64:
         """Return the parts of boxes that are now at `level` in which a robot can be."""
@@ -160,9 +249,7 @@ class Matcher:
     def _rated(self, boxes: I64, points: F64, level: int) -> F32:
         """Return the nats of boxes (3, N): of their middles at level 0, else the most near them."""
         side_m, turn_rad = self._leaf_m * 2**level, 2 * np.pi / _headings(level)
-        away_m = POOLED_SHARE / 2 * (side_m + np.hypot(*points.T) * turn_rad)
-        reaches = [layer.reach_m - layer.cell_m for layer in self._layers[1:-1]]  # less what is rounded
-        which = 1 + np.searchsorted(reaches, away_m) if level else np.zeros(len(points), np.int64)
+        which = self._layer_of(points, level)
         order = np.argsort(boxes[2], kind="stable")
         rows, columns, turns = boxes[:, order]
         headings = (np.arange(_headings(level)) + 0.5) * turn_rad
@@ -216,7 +303,8 @@ class Matcher:
 
     @property
     def _leaf_m(self) -> float:
-        return self._cell_m * max(1, round(LEAF_M / self._cell_m))
+        """The side of the smallest boxes: a power of two cells, so that boxes divide the layers evenly."""
+        return self._cell_m * 2 ** max(0, round(math.log2(LEAF_M / self._cell_m)))
 
     @cached_property
     def _free_boxes(self) -> dict[int, Bool]:
@@ -226,8 +314,15 @@ class Matcher:
         """Return in which boxes (rows, columns) of a level a robot can be."""
         if level not in self._free_boxes:
             side = round(self._leaf_m * 2**level / self.occupancy.cell_m)
-            self._free_boxes[level] = _any(self.occupancy.free, side)
+            self._free_boxes[level] = _any(self._room, side)
         return self._free_boxes[level]
+
+    @cached_property
+    def _room(self) -> Bool:
+        """Which cells (H, W) are free, and most of those around them: not a single ray's."""
+        free = self.occupancy.free
+        cells = round(ROOM_M / self.occupancy.cell_m) // 2 * 2 + 1
+        return np.asarray(free & (cv2.blur(free.astype(np.float32), (cells, cells)) >= ROOM_SHARE))
 
     @cached_property
     def _rays(self) -> Rays:
@@ -242,8 +337,7 @@ class Matcher:
         grid = OccupancyMap(cells, self._cell_m, self.occupancy.corner)
         walls, edges = (Distances.to(cells, self._cell_m, FAR_M) for cells in (grid.occupied, grid.unknown))
         worth = largest(worth_of(walls, edges, SIGMA_M))
-        pooled = (self._layer(worth, 2**power, POOLED_CELLS) for power in range(LAYERS))
-        return [self._layer(worth, 1, 0), *pooled]
+        return [self._layer(worth, stride, pooled) for stride, pooled in ((1, 0), *POOLED)]
 
     def _layer(self, worth: F32, stride: int, pooled: int) -> _Layer:
         """Pool the field over blocks of `stride` cells, and `pooled` blocks around each."""
@@ -254,6 +348,37 @@ class Matcher:
         margin = int(REACH_M / cell_m) + pooled + 2
         padded: F32 = np.pad(blocks, margin, constant_values=UNKNOWN_NATS).astype(np.float32, copy=False)
         return _Layer(padded.ravel(), padded.shape[1], margin, cell_m, (pooled + 0.5) * cell_m)
+
+
+def _largest(values: NDArray[Any], count: int) -> I64:
+    """Return the numbers of the largest of some values (N,), at most `count` of them."""
+    if len(values) <= count:
+        return np.arange(len(values))
+    return np.asarray(np.argpartition(values, len(values) - count)[-count:])
+
+
+def _of_tiles(ratings: I16, count: int) -> I64:
+    """Return the flat numbers of the best `count` of the coarsest ratings (T, H, W) of each tile."""
+    _, height, width = ratings.shape
+    numbers, tiles = np.arange(ratings.size).reshape(ratings.shape), list[I64]()
+    for row in range(0, height, TILE):
+        for column in range(0, width, TILE):
+            tile = np.s_[:, row : row + TILE, column : column + TILE]
+            if ratings[tile].max() > RULED_OUT:
+                tiles.append(numbers[tile].ravel()[_largest(ratings[tile].ravel(), count)])
+    return np.concatenate(tiles)
+
+
+def _best(boxes: I64, ratings: F32, level: int) -> I64:
+    """Return which boxes (3, N) of a level are divided: the best of all, and of each tile."""
+    best = _largest(ratings, KEPT_BOXES[level - 1])
+    if len(best) == len(ratings):
+        return best
+    rows, columns = boxes[:2] // (TILE << (COARSEST - level))
+    tiles = rows * (columns.max() + 1) + columns
+    order = np.lexsort((-ratings, tiles))
+    first = np.searchsorted(tiles[order], tiles[order])  # of the same tile
+    return np.union1d(best, order[np.arange(len(order)) - first < KEPT_OF_TILE[level - 1]])
 
 
 def _headings(level: int) -> int:
