@@ -25,7 +25,15 @@ import numpy as np
 
 from ..values.arrays import F64
 from ..values.geometry import compose_motions, motion_between, wrap, wrap_angle
-from ..values.pose_sensor import DOUBTFUL_NATS, Earlier, MeasuredMovement, PoseProposal, PoseSensor, Sensed
+from ..values.pose_sensor import (
+    DOUBTFUL_NATS,
+    TRUSTED_NATS,
+    Earlier,
+    MeasuredMovement,
+    PoseProposal,
+    PoseSensor,
+    Sensed,
+)
 from ..values.randomness import Purpose
 from ..values.records import Belief, Comparison, Past, StepRecord
 from ..values.session import Frame
@@ -83,13 +91,14 @@ class GuidedProposal(Proposal):
         predicted, link = prediction.belief, 0.0
         past = past or begun(prediction.before)
         asked = unexplained(comparison, predicted)
-        if not asked:
+        is_doubted = bool(past) and max(before.trust for before in past) < TRUSTED_NATS
+        if not (asked or is_doubted):
             return ProposedParticles(predicted)
         movement = movement_of(asked, prediction.frame, past)
         if movement is not None:
             predicted, link = followed(prediction, movement), movement.link
             prediction = replace(prediction, frame=replace(prediction.frame, motions=movement.motion[None]))
-        if link > DOUBTFUL_NATS:  # else the robot may be where a few particles fit by chance
+        if link > DOUBTFUL_NATS and not is_doubted:  # else a few particles may fit by chance
             asked = unexplained(comparison, predicted, for_certain=True)
         else:
             asked = comparison.sensed
@@ -176,6 +185,8 @@ def kept(record: StepRecord, movement: MeasuredMovement | None, past: Updates) -
     sensed, estimate = record.sighting.comparison.sensed, record.estimate.pose
     support = sum(max(0.0, part.support(estimate)) for part in sensed)
     trust = past[0].trust if past else _trust_in_start(record.predicted, support)
+    if trust < TRUSTED_NATS:  # what a scan says for several places says little for one of them
+        support *= record.estimate.mass
     if past and len(motions):
         between = motion_between(past[0].estimate, estimate)
         motion = reduce(compose_motions, motions) if movement is None else movement.motion

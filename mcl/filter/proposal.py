@@ -369,9 +369,9 @@ class MixtureProposal(Proposal):
         count, sizes = round(self.parameters.share * predicted.size), self.regions.sizes()
         sensors = from_sensors(count, proposals)
         believed = max((proposal.believed for proposal in proposals), default=0.0)  # by earlier readings
-        teleport = max(self.parameters.teleport, believed)
+        teleport = self.parameters.teleport
         k, q = self._kept_shares(predicted), shares_of(log_likelihood, self.regions)
-        p = (1 - teleport) * k + teleport * (sizes / sizes.sum())
+        p = (1 - believed) * ((1 - teleport) * k + teleport * (sizes / sizes.sum()))
         mixture = (1 - count / predicted.size) * k + (count - sensors) / predicted.size * q
         entries = self.reference.entries(poses, predicted.origin)
         if not sensors:
@@ -380,10 +380,12 @@ class MixtureProposal(Proposal):
                 return np.append(np.log(ratio), 0.0)[entries]
         # these densities are even within the poses nearest to an entry, if any: per m^2 and rad
         per_pose = 1 / (np.maximum(sizes, 1) * self.reference.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
-        of_sensors = sensors / predicted.size * density(proposals, poses, predicted.origin)
+        of_sensors = density(proposals, poses, predicted.origin)
         part = np.append(np.stack([p, mixture]) * per_pose, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):
-            return np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + of_sensors))
+            predicted_density = np.log(part[0] + believed * of_sensors)
+            proposed = np.log(part[1] + sensors / predicted.size * of_sensors)
+            return np.where(entries < 0, 0.0, predicted_density - proposed)
 
     def _kept_shares(self, predicted: Belief) -> F64:
         """Return the share (L,) of the predicted weight nearest to each entry."""

@@ -101,6 +101,7 @@ class PoseProposal:
         weights = self.weights[kept]
         return replace(
             self,
+            believed=self.believed * float(weights.sum() / self.weights.sum()),
             poses=self.poses[kept],
             covariances=self.covariances[kept],
             weights=weights / weights.sum(),
@@ -240,6 +241,7 @@ class PoseSensor(Protocol):
 LINKED_NATS = -1.0  # a point of a reading: worse, and the robot was carried since the one before
 DOUBTFUL_NATS = -0.98  # it was carried, or its wheels slipped
 FITTING_NATS = -0.8  # better: nothing happened between them
+TRUSTED_NATS = 10.0  # that speak for an estimate: with less the robot may as well be elsewhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ...values import (
     FITTING_NATS,
     I64,
     LINKED_NATS,
+    TRUSTED_NATS,
     Bool,
     Earlier,
     PoseProposal,
@@ -41,13 +43,22 @@ SAMPLES = 100  # particles of each place
 LEAST_SD, SD_PER_M, SD_PER_RAD = 0.02, 0.05, 0.1
 
 
-def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> Bool:
-    """Return at which places (J,) of a proposal the robot may be, by scans: this one, then earlier ones.
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """At which J places of a proposal the robot may be."""
+
+    shares: F64  # (J,) of the likelihood; 0 where it is not
+    believed: float  # the probability that it is at one of them, and not at the estimate
+
+
+def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> Agreement:
+    """Return at which places of a proposal the robot may be, by scans: this one, then earlier ones.
 
     Places are compared with the estimate `here` (3,) and with each other. Either the robot was at a place all
     along, against the trust in the estimates before these scans; or it was carried there between two of the
     scans, which costs the more the better these two fit each other. To a place nearby the filter may have
-    drifted.
+    drifted. Where little ever spoke for an estimate, all places are as likely as they fit. Else it needs one
+    that has nearly all mass, unless the robot was certainly carried.
     """
     poses = np.vstack([proposal.poses, here])
     totals = _nats(map_, poses, np.concatenate([proposal.covariances, ESTIMATE_COVARIANCE[None]]), scans)
@@ -61,11 +72,17 @@ def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[
     carried[-1] = -np.inf
     options = np.column_stack([carried, stayed])
     which, nats = options.argmax(axis=1), options.max(axis=1)
+    shares = np.exp(SCANS_WORTH * (nats - nats.max()))
+    rivals = nats > nats.max() - RIVAL_NATS
+    if max(scan.trust for scan in scans[1:]) < TRUSTED_NATS:
+        nowhere = np.exp(SCANS_WORTH * (LEAST_NATS - nats.max()))
+        elsewhere = float(shares[:-1].sum() / (shares.sum() + nowhere))
+        return Agreement(np.where(rivals, shares, 0.0)[:-1], elsewhere)
     ahead, places = nats - nats[-1], np.arange(len(poses))
     unlinked = np.append(links <= LINKED_NATS, False)[which]
-    possible = unlinked & (nats > nats.max() - RIVAL_NATS) & (ahead > AHEAD_NATS)
     fits = (totals[places, which] > LEAST_NATS) | near & (ahead > 2 * AHEAD_NATS)
-    return np.asarray((fits & (_sure(nats, apart_m) | possible))[:-1])
+    believed = fits & (_sure(nats, apart_m) | unlinked & rivals & (ahead > AHEAD_NATS))
+    return Agreement(np.where(believed, shares, 0.0)[:-1], BELIEVED)
 
 
 def _carried_cost(links: F64) -> F64:

@@ -28,7 +28,7 @@ from ...values import (
 from .beams import BeamJudgment, judge, shown
 from .beluga import BELUGAS_MODELS
 from .field import MOST_CELLS
-from .history import BELIEVED, agreeing
+from .history import agreeing
 from .matching import Matcher
 from .models import (
     MODELS,
@@ -46,6 +46,7 @@ from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
 BY_NAME: Mapping[str, Model] = {**MODELS, **BELUGAS_MODELS}
+ALONE_SHARE = 0.97  # of a scan's likelihood: where it fits badly, a place stands out all the same
 NOTED_SHARE = 0.08  # of the beams against a pose: with as many, poses around it are tried, too
 # Offsets (A, 3) around an estimate, less than 0.32 m and 5 degrees: while a scan is full of people nothing
 # corrects the cloud, which drifts a few decimeters, and is not lost for that.
@@ -95,23 +96,23 @@ class Laser:
         return np.minimum(nats, np.float32(0))
 
     def propose(self, reading: LaserReading) -> PoseProposal | None:
-        """Return where on the map the scan fits well; None where it does so nowhere."""
-        proposal = self._matcher.propose(reading.ends, reading.scan.mount)
-        if proposal is None:
-            return None
-        kept = fitting(self._map, reading, proposal.poses)
-        return proposal.only(kept) if kept.any() else None
+        """Return where on the map the scan fits best; None where too few beams tell."""
+        return self._matcher.propose(reading.ends, reading.scan.mount)
 
     def confirmed(
         self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
     ) -> PoseProposal | None:
         """Return the places of a proposal where the robot may be by the scans before, too."""
         if not earlier:
-            return proposal
+            fits = fitting(self._map, reading, proposal.poses) | (proposal.weights > ALONE_SHARE)
+            return proposal.only(fits) if fits.any() else None
         here = reduce(compose, earlier[0].motions, earlier[0].estimate)
         scans = [Earlier(np.zeros((0, 3)), 0.0, reading, here), *earlier]
-        kept = agreeing(self._map, proposal, here, scans)
-        return replace(proposal.only(kept), believed=BELIEVED) if kept.any() else None
+        agreement = agreeing(self._map, proposal, here, scans)
+        if not agreement.shares.any():
+            return None
+        weighted = replace(proposal, weights=agreement.shares, believed=agreement.believed)
+        return weighted.only(agreement.shares > 0)
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool | None:
         """Return whether a cloud (N, 3) explains the scan; None where the map cannot tell."""

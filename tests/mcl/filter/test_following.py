@@ -219,6 +219,7 @@ def test_a_proposal_of_ones_own_draws_the_particles_and_gets_what_it_kept():
 
 # What is kept of updates.
 
+MASS = 0.6  # of the estimate's cluster
 SUPPORT, MOTION, BEFORE = 20.0, np.array([0.5, 0.0, 0.1]), np.array([1.0, 2.0, 0.3])
 COMPARISON = SimpleNamespace(sensed=(SimpleNamespace(support=lambda pose: SUPPORT),))
 
@@ -233,7 +234,7 @@ def record(predicted, estimate):
         frame=SimpleNamespace(motions=np.stack([MOTION / 2, MOTION / 2])),
         sighting=SimpleNamespace(comparison=COMPARISON),
         predicted=predicted,
-        estimate=SimpleNamespace(pose=estimate),
+        estimate=SimpleNamespace(pose=estimate, mass=MASS),
     )
 
 
@@ -245,7 +246,8 @@ def after(estimate, movement=None, trust=30.0):
 @pytest.mark.parametrize(("sd_m", "nats"), [(0.1, START_NATS), (5.0, 0.0)])
 def test_a_start_that_somebody_gave_speaks_for_itself(sd_m, nats):
     first = kept(record(cloud(sd_m), BEFORE), None, ())
-    assert first.trust == nats + SUPPORT_SHARE * SUPPORT
+    share = 1.0 if nats else MASS  # of a cloud that searches: the rest of it is elsewhere
+    assert first.trust == nats + SUPPORT_SHARE * SUPPORT * share
 
 
 def test_a_start_that_the_first_reading_does_not_speak_for_is_trusted_less():

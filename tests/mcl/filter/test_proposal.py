@@ -7,6 +7,7 @@ from scipy.stats import chi2
 from maurice_mcl.filter.proposal import (
     MixtureParameters,
     MixtureProposal,
+    draw_poses,
     likely_poses,
     regions,
     shares_of,
@@ -252,8 +253,7 @@ def test_corrections_are_densities():
 def test_corrected_means_are_those_of_the_prediction(teleport, believed):
     """Mean over the mixture of p / mixture times anything known by entry is the mean over the prediction.
 
-    Where a sensor proposes poses that earlier readings speak for, the robot is elsewhere as probably as they
-    say.
+    Where a sensor proposes poses that earlier readings speak for, the robot is there as probably as they say.
     """
     value = np.append(np.random.default_rng(3).normal(size=16), 0.0)  # outside: 0
     even = WHERE.sizes() / WHERE.sizes().sum()
@@ -264,6 +264,8 @@ def test_corrected_means_are_those_of_the_prediction(teleport, believed):
     logs = np.where(np.arange(16) < 6, np.arange(16) / 4, -90.0).astype(
         np.float32
     )  # six entries have particles
+    many = draw_poses([proposed], 200_000, MIXTURE_MIDDLE, stream(9, 1000))
+    there = value[NEAREST.entries(many, MIXTURE_MIDDLE)].mean()
     off = []
     for seed in range(400):
         rng = stream(9, seed)
@@ -272,8 +274,9 @@ def test_corrected_means_are_those_of_the_prediction(teleport, believed):
         mixture = MixtureProposal(parameters, NEAREST, WHERE)
         mixed = mixture.mixed(belief, LOGS, rng, () if believed is None else [proposed])
         known, found = (value[NEAREST.entries(b.poses, MIXTURE_MIDDLE)] for b in (belief, mixed.belief))
-        carried = max(teleport, believed or 0.0)
-        expected = (1 - carried) * known.mean() + carried * even @ value[:16]
+        expected = (1 - teleport) * known.mean() + teleport * even @ value[:16]
+        if believed:
+            expected = (1 - believed) * expected + believed * there
         off.append(np.mean(np.exp(mixed.correction) * found) - expected)
     assert abs(np.mean(off)) < 4 * np.std(off) / np.sqrt(len(off))
 

@@ -12,6 +12,8 @@ from maurice_mcl.values.pose_sensor import Earlier, PoseProposal
 
 from .conftest import CELL_M, TRUTH, ZERO, reading_of, scan_at
 
+TRUST = 20.0  # nats for the estimates before
+
 
 def test_a_cloud_whose_beams_end_in_unknown_space_behind_walls_is_not_right(grid):
     """In unknown space without walls between, the map cannot tell: None; a cloud that searches is wrong."""
@@ -34,15 +36,32 @@ def test_a_place_is_confirmed_by_the_scans_that_the_estimate_did_not_explain(gri
     places = np.stack([TRUTH, [4.5, 1.0, -2.0], [1.0, 2.0, 3.0]])
     proposal = PoseProposal(places, np.tile(np.diag([0.01, 0.01, 0.003]), (3, 1, 1)), np.full(3, 1 / 3))
     lost = np.array([20.0, 20.0, 0.0])
-    kept = laser.confirmed(here, proposal, [Earlier(motion[None], 0.0, reading, lost)])
+    kept = laser.confirmed(here, proposal, [Earlier(motion[None], 0.0, reading, lost, TRUST)])
     np.testing.assert_array_equal(kept.poses, places[:1])
     assert kept.weights == 1
     assert kept.believed > 0
-    kept = laser.confirmed(here, proposal, [Earlier(motion[None], 0.0, reading, before)])
+    kept = laser.confirmed(here, proposal, [Earlier(motion[None], 0.0, reading, before, TRUST)])
     np.testing.assert_array_equal(kept.poses, places[:1])  # where the filter thinks to be
-    assert laser.confirmed(here, proposal, []) is proposal
+    np.testing.assert_array_equal(laser.confirmed(here, proposal, []).poses, places[:1])  # where it fits
     wrong = PoseProposal(places[1:], proposal.covariances[1:], np.full(2, 0.5))
-    assert laser.confirmed(here, wrong, [Earlier(motion[None], 0.0, reading, lost)]) is None
+    assert laser.confirmed(here, wrong, [Earlier(motion[None], 0.0, reading, lost, TRUST)]) is None
+
+
+@pytest.mark.parametrize("away_m", [0.0, 20.0])
+def test_where_little_speaks_for_the_estimate_places_are_as_likely_as_they_fit(grid, away_m):
+    """The estimate has a share like any place: most of the cloud goes to a better one, else little."""
+    laser, motion = Laser(grid), np.array([0.5, 0.1, 0.3])
+    before = compose(TRUTH, inverse(motion))
+    estimate = before + np.array([away_m, 0.0, 0.0])
+    earlier = [Earlier(motion[None], 0.0, reading_of(laser, scan_at(grid, before)), estimate)]
+    places = np.stack([[4.5, 1.0, -2.0], [1.0, 2.0, 3.0], TRUTH])[: 3 if away_m else 2]
+    proposal = PoseProposal(places, np.tile(np.diag([0.01, 0.01, 0.003]), (len(places), 1, 1)), places[:, 0])
+    kept = laser.confirmed(reading_of(laser, scan_at(grid, TRUTH)), proposal, earlier)
+    if away_m:
+        assert kept.believed > 0.9
+        np.testing.assert_array_equal(kept.poses[kept.weights.argmax()], TRUTH)
+    else:
+        assert kept is None or kept.believed < 0.1
 
 
 @pytest.fixture(scope="module")
@@ -52,16 +71,16 @@ def corridor():
     return OccupancyMap(cells, CELL_M, ZERO)
 
 
-@pytest.mark.parametrize(("link", "believed"), [(0.0, 0), (-2.0, 2)])
-def test_twin_places_are_believed_only_after_the_robot_was_carried(corridor, link, believed):
+@pytest.mark.parametrize(("link", "trust", "believed"), [(0.0, 12.0, 0), (-2.0, 12.0, 2), (0.0, 0.0, 2)])
+def test_twin_places_are_believed_of_a_robot_that_was_carried_or_searches(corridor, link, trust, believed):
     """Elsewhere one place has to have nearly all mass; of a robot that was carried both are possible."""
     laser, middle_m = Laser(corridor), 20 * CELL_M
     places = np.array([[150 * CELL_M, middle_m, 0.0], [250 * CELL_M, middle_m, 0.0]])
     reading, across = (
         reading_of(laser, scan_at(corridor, pose)) for pose in (places[0], places[0] + [0, 0, 0.7])
     )
-    motion, unread = np.array([0.5, 0.0, 0.0]), Earlier(np.zeros((0, 3)), 0.0, None, places[0])
-    earlier = [Earlier(motion[None], link, across, np.array([0.0, -50.0, 0.0])), unread]
+    motion, unread = np.array([0.5, 0.0, 0.0]), Earlier(np.zeros((0, 3)), 0.0, None, places[0], trust)
+    earlier = [Earlier(motion[None], link, across, np.array([0.0, -50.0, 0.0]), trust), unread]
     covariances = np.tile(np.diag([0.01, 0.01, 0.003]), (2, 1, 1))
     single = PoseProposal(places[:1], covariances[:1], np.ones(1))
     assert len(laser.confirmed(reading, single, earlier).weights) == 1
@@ -83,7 +102,7 @@ def test_how_well_scans_fit_each_other_tells_whether_the_robot_was_carried(grid,
     here = reading_of(laser, scan_at(grid, elsewhere))
     last, *before = drive(TRUTH, motion, 20)
     earlier = [
-        Earlier(motion[None], here_link, reading_of(laser, scan_at(grid, pose)), pose)
+        Earlier(motion[None], here_link, reading_of(laser, scan_at(grid, pose)), pose, TRUST)
         for pose, here_link in ((last, link), *((pose, 0.0) for pose in before))
     ]
     assert (laser.confirmed(here, proposal, earlier) is not None) == believed
