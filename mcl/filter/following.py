@@ -27,6 +27,7 @@ from ..values.arrays import F64
 from ..values.geometry import compose_motions, motion_between, wrap, wrap_angle
 from ..values.pose_sensor import (
     DOUBTFUL_NATS,
+    FITTING_NATS,
     TRUSTED_NATS,
     Earlier,
     MeasuredMovement,
@@ -53,6 +54,9 @@ TRACKED_SHARE = 0.01  # of the weight near a mode: with as much, the cloud track
 TRACKED_RAD = np.pi / 6
 TRACKED_COSINE = np.cos(TRACKED_RAD)
 KEPT_UPDATES = 40
+# A robot that was not carried for so many updates is sought only at every so many: with people around it, a
+# cloud that is right explains few readings.
+LAST_LINKS, SEARCH_EVERY = 3, 5
 # Where two estimates differ from odometry by less, their difference is the better measure of the movement.
 SAME_M, SAME_RAD = 0.3, 0.2
 JUMP_M = 2.0  # an estimate that moved so much farther than the robot is that of another place
@@ -100,6 +104,8 @@ class GuidedProposal(Proposal):
             prediction = replace(prediction, frame=replace(prediction.frame, motions=movement.motion[None]))
         if link > DOUBTFUL_NATS and not is_doubted:  # else a few particles may fit by chance
             asked = unexplained(comparison, predicted, for_certain=True)
+            if prediction.frame.step % SEARCH_EVERY and _is_settled(link, past):
+                asked = ()
         else:
             asked = comparison.sensed
         before = partial(earlier, motions=prediction.frame.motions, link=link, past=past)
@@ -129,7 +135,14 @@ class GuidedProposal(Proposal):
         return (kept(record, movement, past), *past)[:KEPT_UPDATES]
 
 
-# How the robot moved, as a sensor measures it.
+# How the robot moved, as a sensor measures it, and when it may be elsewhere.
+
+
+def _is_settled(link: float, past: Updates) -> bool:
+    """Return whether the last readings fit each other so well that the robot was not carried."""
+    return (
+        len(past) >= LAST_LINKS and min(link, *(before.link for before in past[:LAST_LINKS])) > FITTING_NATS
+    )
 
 
 def unexplained(comparison: Comparison, predicted: Belief, for_certain: bool = False) -> Sequence[Sensed]:

@@ -33,9 +33,10 @@ AHEAD_NATS = 10.0  # over the estimate, for a place to which the robot was carri
 RIVAL_NATS = 20.0  # a place less far behind the best one is possible, too
 BELIEVED = 0.1  # probability of the places that agree: enough for the scan at hand to decide
 ESTIMATE_COVARIANCE = np.diag([0.3**2, 0.3**2, 0.1**2])  # of a pose, m^2 and rad^2
-# What it costs to have been carried between two scans that do not fit each other, and between two that fit
-# well, in nats a point. Of scans in a row 99 of 100 fit by -1.0 or better, of those of other places 6 of 100.
-CARRIED_COST, FITTING_COST = 5.0, 250.0
+# What it costs in nats to have been carried between two scans that do not fit each other, and between
+# two that fit well. Of scans in a row 99 of 100 fit by -1.0 nats a point or better, of those of other places
+# 6 of 100. Of many places some fit by chance: one of them costs the log of their number more.
+CARRIED_COST, FITTING_COST = 5.0, 18.0
 SCANS_WORTH = 0.5  # of a scan's nats: scans of one wall share their errors
 CELL_M = 0.3  # side of the cells in which points count once: hit again they say nothing new
 SAMPLES = 100  # particles of each place
@@ -67,7 +68,7 @@ def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[
     near, trust = apart_m[-1] < DRIFT_M, scans[-1].trust
     links = np.array([scan.link for scan in scans[1:]])
     before = totals[-1, -1] - totals[-1, :-1] + trust  # nats for here, of the scans before it was carried
-    carried = totals[:, :-1] + before - _carried_cost(links)
+    carried = totals[:, :-1] + before - _carried_cost(links, map_.places)
     stayed = totals[:, -1] + trust * near
     carried[-1] = -np.inf
     options = np.column_stack([carried, stayed])
@@ -85,10 +86,11 @@ def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[
     return Agreement(np.where(believed, shares, 0.0)[:-1], BELIEVED)
 
 
-def _carried_cost(links: F64) -> F64:
+def _carried_cost(links: F64, places: int) -> F64:
     """Return the nats against having been carried between scans that fit each other by some nats a point."""
     share = np.clip((links - LINKED_NATS) / (FITTING_NATS - LINKED_NATS), 0, 1)
-    return np.asarray(CARRIED_COST + (FITTING_COST - CARRIED_COST) * share**2)
+    most = (FITTING_COST + np.log(places)) / SCANS_WORTH
+    return np.asarray(CARRIED_COST + (most - CARRIED_COST) * share**2)
 
 
 def _sure(nats: F64, apart_m: F64) -> Bool:

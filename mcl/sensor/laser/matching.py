@@ -304,7 +304,7 @@ class Matcher:
     @property
     def _leaf_m(self) -> float:
         """The side of the smallest boxes: a power of two cells, so that boxes divide the layers evenly."""
-        return self._cell_m * 2 ** max(0, round(math.log2(LEAF_M / self._cell_m)))
+        return self._cell_m * float(2 ** max(0, round(math.log2(LEAF_M / self._cell_m))))
 
     @cached_property
     def _free_boxes(self) -> dict[int, Bool]:
@@ -358,15 +358,16 @@ def _largest(values: NDArray[Any], count: int) -> I64:
 
 
 def _of_tiles(ratings: I16, count: int) -> I64:
-    """Return the flat numbers of the best `count` of the coarsest ratings (T, H, W) of each tile."""
+    """Return flat numbers of the coarsest ratings (T, H, W): of each tile the best `count` places."""
     _, height, width = ratings.shape
-    numbers, tiles = np.arange(ratings.size).reshape(ratings.shape), list[I64]()
-    for row in range(0, height, TILE):
-        for column in range(0, width, TILE):
-            tile = np.s_[:, row : row + TILE, column : column + TILE]
-            if ratings[tile].max() > RULED_OUT:
-                tiles.append(numbers[tile].ravel()[_largest(ratings[tile].ravel(), count)])
-    return np.concatenate(tiles)
+    turns = ratings.argmax(axis=0)
+    best = np.take_along_axis(ratings, turns[None], axis=0)[0]
+    numbers = turns * (height * width) + np.arange(height * width).reshape(height, width)
+    tiles = _blocks(best, TILE, RULED_OUT).transpose(0, 2, 1, 3).reshape(-1, TILE * TILE)
+    numbers = _blocks(numbers, TILE, 0).transpose(0, 2, 1, 3).reshape(-1, TILE * TILE)
+    which = np.argpartition(tiles, TILE * TILE - count, axis=1)[:, -count:]
+    kept = np.take_along_axis(tiles, which, axis=1) > RULED_OUT
+    return np.asarray(np.take_along_axis(numbers, which, axis=1)[kept])
 
 
 def _best(boxes: I64, ratings: F32, level: int) -> I64:

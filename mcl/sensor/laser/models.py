@@ -71,6 +71,11 @@ class LaserMap:
         return Field(cells, 0.0, 1.0, 1.0, self.occupancy.cell_m, self.occupancy.corner)
 
     @cached_property
+    def places(self) -> int:
+        """How many places with headings a scan can tell apart: a square meter and 24 degrees are one."""
+        return max(round(float(np.count_nonzero(self.occupancy.free)) * self.occupancy.cell_m**2 * 15), 1)
+
+    @cached_property
     def rays(self) -> Rays:
         """Rays that end as AMCL's: at occupied and unknown cells, and at the map's edge."""
         return Rays.of(self.occupancy, unknown_blocks=True)
