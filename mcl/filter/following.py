@@ -56,7 +56,7 @@ TRACKED_COSINE = np.cos(TRACKED_RAD)
 KEPT_UPDATES = 40
 # A robot that was not carried for so many updates is sought only at every so many: with people around it, a
 # cloud that is right explains few readings.
-LAST_LINKS, SEARCH_EVERY = 3, 5
+LAST_LINKS, SEARCH_EVERY = 3, 10
 # Where two estimates differ from odometry by less, their difference is the better measure of the movement.
 SAME_M, SAME_RAD = 0.3, 0.2
 JUMP_M = 2.0  # an estimate that moved so much farther than the robot is that of another place

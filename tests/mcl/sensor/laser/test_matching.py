@@ -132,6 +132,29 @@ def test_along_a_corridor_the_covariance_is_long():
     assert np.abs(wrap_angle(2 * proposal.poses[:, 2])).max() < 0.1  # along it, either way
 
 
+def test_all_of_a_corridor_is_proposed_either_way():
+    """Modes that cover its first meters alone would make a robot sure of a wrong place."""
+    plan = Plan(44, 4)
+    plan.room(1, 1, 42, 1.5)
+    proposal = Matcher(plan.map).propose(scanned(plan.map, at(22, 1.8, 0.0)))
+    middle = at(22, 1.8, 0.0)[0]
+    back = np.abs(proposal.poses[:, 2]) > np.pi / 2
+    for share in (proposal.weights[back].sum(), proposal.weights[proposal.poses[:, 0] < middle].sum()):
+        assert share == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_room_is_found_beside_a_yard_where_something_stands_everywhere():
+    """In a yard all coarse boxes have the highest rating: there are more of them than are divided."""
+    plan = Plan(60, 40)
+    plan.room(1, 1, 8, 6)
+    plan.fill(3, 2, 1, 0.5, OCCUPIED)
+    room, pose = plan.map, at(6, 4, 0.7)
+    yard = plan.cells[240:]
+    yard[:] = np.where(np.random.default_rng(1).random(yard.shape) < 0.02, OCCUPIED, FREE)
+    best = Matcher(plan.map).propose(scanned(room, pose)).poses[0]
+    np.testing.assert_allclose(best, pose, atol=0.1)
+
+
 def test_beams_that_pass_through_walls_count_against_a_pose():
     plan = Plan(16, 7)
     for x in (1, 9):
