@@ -65,8 +65,7 @@ def main() -> None:
         sys.exit(str(problem))
     for error, count in rows["error"].drop_nulls().value_counts().iter_rows():
         print(f"{count} runs failed: {error}")
-    for lines in tables(rows.filter(pl.col("error").is_null())):
-        print("\n".join(lines))
+    print("\n".join(table(rows.filter(pl.col("error").is_null()))))
 
 
 def plan_of(logs: Sequence[Path]) -> Plan:
@@ -125,17 +124,17 @@ def _progress(done: int, total: int) -> None:
     print(f"\r{done:,} of {total:,} runs", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
 
-def tables(rows: pl.DataFrame) -> Iterator[list[str]]:
-    """Yield the tables, as lines of Markdown: a line for each filter, a column for each log."""
-    for (part,), of_part in rows.group_by("part", maintain_order=True):
-        name, logs = str(part), of_part["session"].unique().sort().to_list()
-        measure, title = MEASURES[name.split(",")[0]]
-        more = ("", *logs, f"all {len(logs)}", "also")
-        yield [f"{name}: {title}", "", f"| {' | '.join(more)} |", f"|{'---|' * len(more)}"]
-        for (label,), of_filter in of_part.group_by("label", maintain_order=True):
-            by_log = [measure(of_filter.filter(pl.col("session") == log))[0] for log in logs]
-            yield [f"| {' | '.join((str(label), *by_log, *measure(of_filter)))} |"]
-        yield [""]
+def table(rows: pl.DataFrame) -> Iterator[str]:
+    """Yield one table as lines of Markdown: a line for each filter and what it did, a column for each log."""
+    logs = rows["session"].unique().sort().to_list()
+    yield f"| {' | '.join(('', *logs, f'all {len(logs)}', 'also'))} |"
+    yield f"|{'---|' * (len(logs) + 3)}"
+    for label in FILTERS:
+        for (part,), of_part in rows.filter(pl.col("label") == label).group_by("part", maintain_order=True):
+            measure, title = MEASURES[str(part).split(",")[0]]
+            by_log = [of_part.filter(pl.col("session") == log) for log in logs]
+            cells = [measure(of_log)[0] if len(of_log) else "-" for of_log in by_log]
+            yield f"| {' | '.join((f'`{label}`, {part}: {title}', *cells, *measure(of_part)))} |"
 
 
 def _tracking(rows: pl.DataFrame) -> tuple[str, str]:
