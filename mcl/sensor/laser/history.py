@@ -20,6 +20,7 @@ from ...values import (
     compose_motions,
     inverse,
     rotated,
+    wrap_angle,
 )
 from .models import INDEPENDENT_BEAMS, SIGMA_M, UNKNOWN_NATS, LaserMap
 
@@ -28,7 +29,8 @@ LEAST_NATS = 10.0  # of all scans together for a place, over what unknown space 
 LEAST_SCAN_NATS = -5.0  # one scan lowers a place no further: it may show what the map does not have
 SURE_SHARE = 0.97  # of all mass: where several places share it, the robot may be at another one, too
 SAME_PLACE_M = 1.0
-DRIFT_M = 3.0  # of an estimate at most, where the map says nothing
+DRIFT_M, DRIFT_RAD = 3.0, np.pi / 3  # of an estimate at most, where the map says nothing
+TURNED_SHARE = 0.5  # of the trust in an estimate, for a place nearby that is turned by more
 AHEAD_NATS = 10.0  # over the estimate, for a place to which the robot was carried; twice that for one nearby
 RIVAL_NATS = 20.0  # a place less far behind the best one is possible, too
 BELIEVED = 0.1  # probability of the places that agree: enough for the scan at hand to decide
@@ -66,10 +68,13 @@ def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[
     x, y = poses[:, :2].T
     apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
     near, trust = apart_m[-1] < DRIFT_M, scans[-1].trust
+    trusted = near * np.where(
+        np.abs(wrap_angle(poses[:, 2] - here[2])) < DRIFT_RAD, trust, TURNED_SHARE * trust
+    )
     links = np.array([scan.link for scan in scans[1:]])
     before = totals[-1, -1] - totals[-1, :-1] + trust  # nats for here, of the scans before it was carried
     carried = totals[:, :-1] + before - _carried_cost(links, map_.places)
-    stayed = totals[:, -1] + trust * near
+    stayed = totals[:, -1] + trusted
     carried[-1] = -np.inf
     options = np.column_stack([carried, stayed])
     which, nats = options.argmax(axis=1), options.max(axis=1)

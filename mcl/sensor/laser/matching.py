@@ -131,7 +131,7 @@ class _Layer:
 class Matcher:
     """A map, prepared for finding where scans were taken. Robots are in free cells; unknown ones are neutral.
 
-    A search takes about 60 ms. Maps of more than 4 million cells (100 m by 100 m at 5 cm) are coarsened, so
+    A search takes 30 to 100 ms. Maps of more than 4 million cells (100 m by 100 m at 5 cm) are coarsened, so
     that time and memory are bounded.
     """
 
