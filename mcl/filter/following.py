@@ -104,7 +104,7 @@ class GuidedProposal(Proposal):
             prediction = replace(prediction, frame=replace(prediction.frame, motions=movement.motion[None]))
         if link > DOUBTFUL_NATS and not is_doubted:  # else a few particles may fit by chance
             asked = unexplained(comparison, predicted, for_certain=True)
-            if prediction.frame.step % SEARCH_EVERY and _is_settled(link, past):
+            if prediction.frame.step % SEARCH_EVERY and is_settled(link, past):
                 asked = ()
         else:
             asked = comparison.sensed
@@ -138,7 +138,7 @@ class GuidedProposal(Proposal):
 # How the robot moved, as a sensor measures it, and when it may be elsewhere.
 
 
-def _is_settled(link: float, past: Updates) -> bool:
+def is_settled(link: float, past: Updates) -> bool:
     """Return whether the last readings fit each other so well that the robot was not carried."""
     return (
         len(past) >= LAST_LINKS and min(link, *(before.link for before in past[:LAST_LINKS])) > FITTING_NATS

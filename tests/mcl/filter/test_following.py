@@ -19,6 +19,7 @@ from maurice_mcl.filter.following import (
     NormalFactor,
     begun,
     guided_motion,
+    is_settled,
     kept,
 )
 from maurice_mcl.filter.localizer import GUIDED
@@ -294,3 +295,11 @@ def test_particles_follow_a_measured_movement_with_a_share_of_its_noise():
     error = 4 * np.sqrt(np.diag(covariance) / n)
     assert (np.abs(moved.mean(axis=0) - MOTION) < error).all()
     assert np.abs(np.cov(moved.T) - covariance).max() < 4 * 2 * covariance.max() / np.sqrt(n)
+
+
+@pytest.mark.parametrize(
+    ("links", "settled"), [([0.0] * 4, True), ([0.0, 0.0, -0.9, 0.0], False), ([0.0] * 3, False)]
+)
+def test_a_robot_was_not_carried_where_the_last_readings_fit_each_other(links, settled):
+    past = [Past(np.zeros((0, 3)), (), BEFORE, link, 30.0) for link in links[1:]]
+    assert is_settled(links[0], past) == settled
