@@ -47,14 +47,14 @@ LEAST_SD, SD_PER_M, SD_PER_RAD = 0.02, 0.05, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Agreement:
+class PlaceAgreement:
     """At which J places of a proposal the robot may be."""
 
     shares: F64  # (J,) of the likelihood; 0 where it is not
     believed: float  # the probability that it is at one of them, and not at the estimate
 
 
-def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> Agreement:
+def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[Earlier]) -> PlaceAgreement:
     """Return at which places of a proposal the robot may be, by scans: this one, then earlier ones.
 
     Places are compared with the estimate `here` (3,) and with each other. Either the robot was at a place all
@@ -83,12 +83,12 @@ def agreeing(map_: LaserMap, proposal: PoseProposal, here: F64, scans: Sequence[
     if max(scan.trust for scan in scans[1:]) < TRUSTED_NATS:
         nowhere = np.exp(SCANS_WORTH * (LEAST_NATS - nats.max()))
         elsewhere = float(shares[:-1].sum() / (shares.sum() + nowhere))
-        return Agreement(np.where(rivals, shares, 0.0)[:-1], elsewhere)
+        return PlaceAgreement(np.where(rivals, shares, 0.0)[:-1], elsewhere)
     ahead, places = nats - nats[-1], np.arange(len(poses))
     unlinked = np.append(links <= LINKED_NATS, False)[which]
     fits = (totals[places, which] > LEAST_NATS) | near & (ahead > 2 * AHEAD_NATS)
     believed = fits & (_sure(nats, apart_m) | unlinked & rivals & (ahead > AHEAD_NATS))
-    return Agreement(np.where(believed, shares, 0.0)[:-1], BELIEVED)
+    return PlaceAgreement(np.where(believed, shares, 0.0)[:-1], BELIEVED)
 
 
 def _carried_cost(links: F64, places: int) -> F64:
