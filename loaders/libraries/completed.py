@@ -56,7 +56,7 @@ def completed(
     if any("keypoints" in weights for weights in asked):
         from .keypoints import with_keypoints
 
-        whole = with_keypoints(whole, progress)
+        whole = with_keypoints(whole, progress, warn)
     libraries = {frozenset(library.sensors): library, frozenset(whole.sensors): whole}
     each = list[Library]()
     for weights in asked:

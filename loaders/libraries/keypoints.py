@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +21,13 @@ VERSION = 1  # of how keypoints are found: another one finds them again
 NO_PICTURE: U8 = np.zeros((8, 8, 3), np.uint8)  # in place of one that is gone: it has no keypoints
 
 
-def with_keypoints(library: Library, progress: NamedProgress | None = None) -> Library:
+def with_keypoints(
+    library: Library, progress: NamedProgress | None = None, warn: Callable[[str], None] | None = None
+) -> Library:
     """Return a library with the keypoints of its pictures, for features that verify references.
 
-    They are kept in the user's cache: finding those of 624 references takes 3 s of CPU the first time.
+    `warn` is told of a library whose pictures have none, or are gone. They are kept in the user's cache:
+    finding those of 624 references takes 3 s of CPU the first time.
 
         >>> from maurice_loaders import open_library, with_keypoints
         >>> library = with_keypoints(open_library("survey.log", channels=["color"]))
@@ -41,6 +45,8 @@ def with_keypoints(library: Library, progress: NamedProgress | None = None) -> L
     if matches is None:
         matches = _found(library, progress or (lambda done, total, what: None))
         write_arrays(kept, matches.to_arrays())
+    if warn is not None and not len(matches.pixels):
+        warn(f"the library {library.name!r} has no pictures with keypoints: no reference is verified")
     return replace(library, sensors={**library.sensors, KEYPOINTS: matches})
 
 
