@@ -285,10 +285,10 @@ def _is_bare(part: U8) -> bool:
     return not any((part == color).all(axis=2).any() for color in (OBSTACLE, PALE))
 
 
-def ticks(low: float, high: float, smallest: float) -> list[float]:
-    """Return round values from low to high, at most `MOST_TICKS`, spaced by a multiple of `smallest`."""
+def ticks(low: float, high: float, smallest: float, most: float = MOST_TICKS) -> list[float]:
+    """Return round values from low to high, at most `most`, spaced by a multiple of `smallest`."""
     step = smallest
-    while (high - low) / step >= MOST_TICKS:
+    while (high - low) / step >= max(most, 1):
         power = 10 ** int(np.floor(np.log10(step / smallest) + 1e-9))
         step = next(s * power * smallest for s in TICK_STEPS if s * power * smallest > step * 1.001)
     first = int(np.ceil(low / step - 1e-9))
@@ -299,14 +299,14 @@ def _ruler(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
     x_min, y_min, x_max, y_max = (scale.length(v) for v in shown_bounds(arena))
     low = _pixels(canvas, np.array([shown_bounds(arena)[:2]]), scale)[0]
     px = 1 / canvas.unit_per_px
-    across = ticks(x_min, x_max, scale.units.grid)
+    across = ticks(x_min, x_max, scale.units.grid, min(MOST_TICKS, (x_max - x_min) * px / (4 * text_px)))
     for x in across:
         label = f"{x:g} {scale.units.name}" if x == across[-1] else f"{x:g}"
         width, height = text_size(label, text_px)
         at = low[0] + (x - x_min) * px
         put_text(canvas.image, label, at - width / 2, low[1] + 1.9 * text_px, text_px, PALE)
         cv2.line(canvas.image, (round(at), round(low[1])), (round(at), round(low[1] + text_px / 2)), PALE, 2)
-    for y in ticks(y_min, y_max, scale.units.grid):
+    for y in ticks(y_min, y_max, scale.units.grid, min(MOST_TICKS, (y_max - y_min) * px / (2 * text_px))):
         width, height = text_size(f"{y:g}", text_px)
         at = low[1] - (y - y_min) * px
         put_text(canvas.image, f"{y:g}", low[0] - width - 0.8 * text_px, at + height / 2, text_px, PALE)

@@ -27,6 +27,7 @@ BEST = 5
 CELL_PX = 144  # width of one picture; its height follows the pictures' own shape
 CAPTION_PX = 62  # three lines: rank and entry, place, heading and quality
 TEXT_PX = 11.0
+LINE = 1.7  # heights of a text from one line to the next
 LINES_PX = (18, 37, 55)  # the lines' base, under the picture
 ENTRY_AT_PX, QUALITY_AT_PX = 24, 78  # where in a cell these captions begin
 WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
@@ -113,9 +114,10 @@ def reference_jpeg(path: Path | None, height: int) -> bytes:
 def no_picture(height: int, words: str = "") -> bytes:
     """Return what stands in place of a picture, as a JPEG, with words in one or more lines."""
     gray, lines = blank(height, CELL_PX, MISSING), words.split("\n")
+    widest_px = max(text_size(line, TEXT_PX)[0] for line in lines)
+    tall = TEXT_PX * min(1.0, (CELL_PX - 4) / max(widest_px, 1), height / (LINE * TEXT_PX * len(lines)))
     for number, line in enumerate(lines):
-        tall = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(text_size(line, TEXT_PX)[0], 1))
-        base = height / 2 + (number - (len(lines) - 1) / 2) * 1.7 * TEXT_PX
+        base = height / 2 + tall / 2 + (number - (len(lines) - 1) / 2) * LINE * tall
         put_text(gray, line, (CELL_PX - text_size(line, tall)[0]) / 2, base, tall, PALE)
     return jpeg(gray, JPEG_QUALITY)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from maurice_mcl.values import F64, Arena
 
-from ..drawing.canvas import cells_in, known_part, png, shown_bounds, ticks
+from ..drawing.canvas import MOST_TICKS, cells_in, known_part, png, shown_bounds, ticks
 from ..panels.world import clipped
 from ..running.saved_steps import Collected, Track
 from ..style import Scale
@@ -20,6 +20,7 @@ JUMP_OF_MOTION = 3.0  # a step this many times as long as the measured motion is
 MAX_POINTS = 3000
 FINER = 1.5  # pixels of an occupancy map in one of the drawing: it may be enlarged
 LETTER_PX = 7.2  # average width
+TICK_PX = 40.0, 20.0  # least distance of ticks along x and y
 KNOWN_FLOORS = ("wood", "carpet")
 
 
@@ -75,7 +76,8 @@ class DrawnFloor:
         axes = self.axes
         start, length = (axes.left, axes.width) if axis == 0 else (axes.bottom, -axes.height)
         low, high = (self.scale.length(shown_bounds(self.arena)[k]) for k in (axis, axis + 2))
-        values = ticks(low, high, self.scale.units.grid)
+        most = min(MOST_TICKS, abs(length) / TICK_PX[axis])
+        values = ticks(low, high, self.scale.units.grid, most)
         return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
 
 

@@ -61,6 +61,13 @@ def test_ticks_are_never_too_many(side):
     assert len(ticks(0, side, 0.5)) >= min(MOST_TICKS // 3, int(side / 0.5))
 
 
+def test_a_side_with_little_room_has_fewer_ticks():
+    """The narrow side of a street: labels lay over each other."""
+    assert ticks(-1.2, 1.8, 0.5, 1.7) == [0.0]
+    assert ticks(-1.2, 1.8, 0.5, 2.5) == [0.0, 1.5]
+    assert ticks(0, 60, 0.5, 2.5) == [0.0, 25.0, 50.0]
+
+
 def test_ground_shows_obstacles_and_floors():
     arena = fakes.arena(5, 4)
     scale = scale_for("in", arena)
