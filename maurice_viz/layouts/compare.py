@@ -16,9 +16,10 @@ from ..panels.comparison import matches
 from ..panels.events import CLOSER, SHARED, lanes_px, lanes_view
 from ..panels.laser.scan import here_view, scan_views
 from ..panels.population import headings_view
+from ..panels.story import HEIGHT_PX
 from ..panels.views import untitled
 from ..scene import RunView, Scene
-from .story import HEIGHT_PX, errors_row
+from .story import errors_row
 
 HEADLINE_PX, WORDS_PX, LINE_PX, ERRORS_PX = 78, 80, 17, 104
 WHY_SHARES = [0.54, 0.46]  # of the width, for why, and for the whole drive

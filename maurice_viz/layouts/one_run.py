@@ -17,10 +17,11 @@ from ..panels.laser.explanation import columns_of_scan, scan_map_view
 from ..panels.laser.scan import here_view
 from ..panels.population import headings_view, weight_bars_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
+from ..panels.story import HEIGHT_PX, OWN_LANES
 from ..panels.traces import marks_key, run_plots
 from ..panels.views import untitled
 from ..scene import RunView, Scene
-from .story import HEIGHT_PX, OWN_LANES, over_events
+from .story import over_events
 
 INSIDE_WORDS_PX = 78  # two lines
 SENSOR_WORDS, SENSOR_PICTURES = 1.9, (3.4, 2.9)  # shares of a column: a few lines of text over the pictures

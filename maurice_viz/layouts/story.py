@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import rerun.blueprint as rrb
 
-from ..drawing.canvas import map_extent
 from ..entities import COMPARE_UNIT, ERROR_UNIT
 from ..panels import traces as lines
 from ..panels.camera import picture_here_view, seen_views
@@ -19,10 +17,16 @@ from ..panels.laser.scan import here_view, scan_views
 from ..panels.population import headings_view
 from ..panels.sensors import sensor_words_view
 from ..panels.story import (
+    ERRORS_PX,
+    HEADLINE_PX,
+    HEIGHT_PX,
+    OWN_LANES,
     ErrorAxis,
     error_axis,
     error_unit_view,
     errors_plot,
+    heights_px,
+    map_share,
     story_map,
     tour_view,
     verdict_view,
@@ -31,13 +35,9 @@ from ..panels.views import untitled
 from ..scene import RunView, Scene
 
 BETWEEN_PX = 1440  # width at which lanes and plot begin together; at 1280 and 1600 within 4 pixels
-WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and above the time panel
-HEADLINE_PX, ERRORS_PX = 92, 124
 PICTURES, WORDS = 5, 3  # shares of the height beside the map
-OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
 MOST_IN_A_ROW = 3  # pictures beside the map
 AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
-MAP_SHARES = 0.3, 0.5  # of the width, at least and at most: beside a wide map words need their lines
 DIGITS = 3  # of a label where the largest error is not known yet
 
 
@@ -51,10 +51,7 @@ def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = Fa
 def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out the verdict, one map beside what was seen, the lanes of the runs over their errors."""
     is_one = len(runs) == 1
-    lanes = lanes_px(OWN_LANES if is_one else 1 + len(runs))
-    middle = HEIGHT_PX - HEADLINE_PX - lanes - ERRORS_PX
-    extent = map_extent(scene.arena, scene.scale)
-    wide = float(np.clip(extent.width / extent.height * middle / WIDTH_PX, *MAP_SHARES))
+    lanes, middle, wide = (*heights_px(len(runs)), map_share(len(runs), scene))
     body = rrb.Horizontal(
         story_map(runs, scene), _beside_the_map(runs, scene), column_shares=[wide, 1 - wide]
     )

@@ -27,6 +27,7 @@ from ..text.lesson import say_lesson
 from ..text.summary import failure_json
 from ..text.tour import FEWEST_LETTERS, LETTERS, MOST_CROWDED, tour_pages, words
 from ..text.verdict import NOTHING_YET, headline, now_line
+from .events import lanes_px
 from .laser.scan import reading_of
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import POSITION_ERROR, SPREAD
@@ -39,7 +40,30 @@ ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
 BELOW_TOP = 1.08  # times the last label: nearer to the top it would be cut
 LABELS_PX = 25  # between two labels of an axis, at least: nearer ones are faint, and below 21 there are none
 BELOW_AXIS_PX = 16  # of a plot, for the labels of its steps
+WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and above the time panel
+HEADLINE_PX, ERRORS_PX = 92, 124
+OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
+MAP_SHARES = 0.3, 0.5  # of the width, at least and at most: beside a wide map words need their lines
+LETTERS_BESIDE = 0.63  # of the width, for which letters were counted
 DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole cloud, in points of the screen
+
+
+def heights_px(count: int) -> tuple[int, int]:
+    """Return the heights of the lanes of so many runs, and of the map above them, at 1280 x 800."""
+    lanes = lanes_px(OWN_LANES if count == 1 else 1 + count)
+    return lanes, HEIGHT_PX - HEADLINE_PX - lanes - ERRORS_PX
+
+
+def map_share(count: int, scene: Scene) -> float:
+    """Return the share of the width that the map of so many runs has, by its shape; the rest is beside it."""
+    extent, (_, middle) = map_extent(scene.arena, scene.scale), heights_px(count)
+    return float(np.clip(extent.width / extent.height * middle / WIDTH_PX, *MAP_SHARES))
+
+
+def letters_beside(count: int, scene: Scene) -> int:
+    """Return how many letters there is room for beside the map of so many runs, below their pictures."""
+    most = FEWEST_LETTERS if count >= MOST_CROWDED else LETTERS
+    return round(most * min((1 - map_share(count, scene)) / LETTERS_BESIDE, 1.0))
 
 
 class LimitsPanel(Panel):
@@ -110,7 +134,7 @@ class VerdictDrawing:
         verdicts = self._shortly(verdicts)
         lessons = {step: shortly(self._runs, lesson) for step, lesson in lessons.items()}
         tour = tour_of(verdicts) if verdicts else ()
-        letters = FEWEST_LETTERS if len(self._runs) >= MOST_CROWDED else LETTERS
+        letters = letters_beside(len(self._runs), self._scene)
         pages = tour_pages(tour, verdicts, self._scale, lessons, self._words, self._scene.opens, letters)
         for step, text in pages:
             set_place(self._rec, step, self._times_s[step], Phase.PREDICT)

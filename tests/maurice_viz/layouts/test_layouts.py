@@ -20,11 +20,12 @@ from maurice_viz.layouts.compare import ERRORS_PX as COMPARED_ERRORS_PX
 from maurice_viz.layouts.compare import compare
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.layouts.story import ERRORS_PX
-from maurice_viz.panels.story import error_axis
+from maurice_viz.panels.story import error_axis, letters_beside, map_share
 from maurice_viz.panels.traces import MOST_LETTERS
 from maurice_viz.running.output import layout_of
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import scale_for
+from maurice_viz.text.tour import LETTERS
 
 ARENA = fakes.arena(5, 4)
 EDGES = RunView("edges", ("edges",))
@@ -100,6 +101,15 @@ def test_map_views_hold_the_arena_and_leave_keys_out():
             assert above == {paths.key(keys.WEIGHTS)}
         if "circles" in str(view.name):
             assert above == {paths.key(keys.MATCHES)}
+
+
+def test_beside_a_wide_map_there_is_room_for_fewer_words():
+    """Along a street the last line of the words was cut."""
+    square, street, tower = (scene_of(fakes.arena(*size), "m") for size in ((5, 4), (60, 3), (3, 60)))
+    assert [map_share(2, scene) for scene in (street, tower)] == [0.5, 0.3]
+    assert letters_beside(2, street) < 0.8 * letters_beside(2, tower)
+    assert letters_beside(2, street) < letters_beside(2, square) <= letters_beside(2, tower) == LETTERS
+    assert letters_beside(4, square) < letters_beside(3, square)
 
 
 def test_recorded_localizers_are_compared_on_one_map():
