@@ -88,8 +88,8 @@ def _explain_fields(kind: type) -> None:
     """Add the fields to a class's docstring, each with the comment beside it: `help` shows them so."""
     lines = [match.groups() for match in _FIELD.finditer(getsource(kind)) if match[1][0] != "_"]
     if lines and kind.__doc__:
-        told = "\n".join(f"    {name}: {kept}" for name, kept in lines)
-        kind.__doc__ = f"{kind.__doc__.rstrip()}\n\n    Fields:\n\n{indent(told, '    ')}\n    "
+        listing = "\n".join(f"    {name}: {comment}" for name, comment in lines)
+        kind.__doc__ = f"{kind.__doc__.rstrip()}\n\n    Fields:\n\n{indent(listing, '    ')}\n    "
 
 
 _FIELD = re.compile(r"^    (\w+): [^\n#]*  # ([^\n]+)$", re.MULTILINE)
@@ -101,8 +101,8 @@ def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(function)
     def checked(*args: Any, **named: Any) -> Any:
-        for name, given in [*zip(names, args, strict=False), *named.items()]:
-            for text in _texts(given):
+        for name, argument in [*zip(names, args, strict=False), *named.items()]:
+            for text in _texts(argument):
                 _expect_usable(name, text)
         try:
             return function(*args, **named)

@@ -86,7 +86,7 @@ def make_localizer(
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, {expected_one_of(preset, PRESETS)}")
     weights = None if feature is None else weights_of(feature)
-    given = {
+    arguments = {
         "sensor.weights": weights,
         "particles": particles,
         "motion": motion,
@@ -94,7 +94,7 @@ def make_localizer(
     }
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("settings", settings or {})]
-    layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
+    layers += [Layer("argument", {key: value for key, value in arguments.items() if value is not None})]
     try:
         nearest = reference_of(library)
         configuration, missing = available(configure(layers, library.sensors), library)
@@ -132,16 +132,18 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
     holds = {**library.index, **library.sensors}
     missing = tuple(name for name in weights if name not in holds)
-    kept = {name: weight for name, weight in weights.items() if name in holds}
-    if "keypoints" in kept and not any(kept[name] for name in kept if name in library.index):
-        found = ", ".join(kept)
+    library_weights = {name: weight for name, weight in weights.items() if name in holds}
+    if "keypoints" in library_weights and not any(
+        library_weights[name] for name in library_weights if name in library.index
+    ):
+        names = ", ".join(library_weights)
         raise InputError(
-            None, f"sensor.weights: found {found}, expected a channel, whose finds keypoints verify"
+            None, f"sensor.weights: found {names}, expected a channel, whose finds keypoints verify"
         )
     if not missing:
         return configuration, ()
     lacking = [name for name in missing if name not in POSE_SENSORS]
-    if lacking or not any(kept.values()):
+    if lacking or not any(library_weights.values()):
         if library.is_map or missing == (LASER,):
             other = (
                 "a camera's features need a library of pictures" if library.is_map else "a laser needs a map"
@@ -151,7 +153,7 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         wanted += f", expected {(lacking or missing)[0]}"
         again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
         raise InputError(None, f"{wanted}; {again}choose another feature")
-    return _with_weights(configuration, kept, library), missing
+    return _with_weights(configuration, library_weights, library), missing
 
 
 def equipped(library: Library, sensor: SensorParameters) -> Library:
@@ -245,8 +247,8 @@ def adapted(
     table = LeftOutTable.of(model)
     scored = score_places(table, fit=is_sparse(nearest))
     origins = {setting.key: setting.origin for setting in configuration.settings}
-    given = [origins[key] for key in ("sensor.widening", "sensor.scales")]
-    chosen = any(origin not in ("default", OWN_SCALES) for origin in given)
+    sources = [origins[key] for key in ("sensor.widening", "sensor.scales")]
+    chosen = any(origin not in ("default", OWN_SCALES) for origin in sources)
     ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     if chosen or not ours or (scored.widening == 1 and not scored.stretched):
         return configuration, replace(scored, widening=1.0, stretched={})

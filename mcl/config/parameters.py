@@ -38,16 +38,16 @@ def channels(inner: Rule) -> Rule:
     """Take a table from channel to something; as text: "color=1,edges=0.5"; `configure` checks the names."""
 
     def rule(key: str, value: Any) -> Mapping[str, Any]:
-        given = _table(key, value)
-        return {name: inner(f"{key}.{name}", entry) for name, entry in given.items()}
+        table = _table(key, value)
+        return {name: inner(f"{key}.{name}", entry) for name, entry in table.items()}
 
     return rule
 
 
 def weights(key: str, value: Any) -> Mapping[str, float]:
     """Take a table of weights with at least one above zero; `configure` checks the names."""
-    given = _table(key, value)
-    numbers = {str(name): number(0, 1e6)(f"{key}.{name}", weight) for name, weight in given.items()}
+    table = _table(key, value)
+    numbers = {str(name): number(0, 1e6)(f"{key}.{name}", weight) for name, weight in table.items()}
     if not any(weight > 0 for weight in numbers.values()):
         raise ValueError(f"{key}: found {value!r}, expected a channel with a weight above 0")
     return numbers
@@ -61,10 +61,10 @@ def check_channel(key: str, name: str, sensors: Collection[str] = ()) -> None:
 
 
 def _table(key: str, value: Any) -> Mapping[str, Any]:
-    given = _pairs(key, value) if isinstance(value, str) else value
-    if not isinstance(given, Mapping):
+    table = _pairs(key, value) if isinstance(value, str) else value
+    if not isinstance(table, Mapping):
         raise ValueError(f"{key}: found {value!r}, expected a table of channels")
-    return given
+    return table
 
 
 def _pairs(key: str, text: str) -> dict[str, str]:
@@ -306,8 +306,8 @@ def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> 
         if names:
             added = {name: 1.0 for name in names if name not in weights.value}
             is_alone = bool(settings["sensor.channels"].value) and weights.origin == "default"
-            kept = {} if is_alone else weights.value
-            settings["sensor.weights"] = replace(weights, value={**kept, **added})
+            base = {} if is_alone else weights.value
+            settings["sensor.weights"] = replace(weights, value={**base, **added})
     values = {key: setting.value for key, setting in settings.items()}
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
         least, most = values["resampling.kld.least"], values["resampling.kld.most"]
@@ -352,11 +352,11 @@ def _read(values: Any, key: str) -> Any:
 
 def _built(kind: type[Any], values: Mapping[str, Any], prefix: str) -> Any:
     hints = typing.get_type_hints(kind)
-    given: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
     for name in (each.name for each in fields(kind)):
         key, nested = f"{prefix}{name}", hints[name]
         if is_dataclass(nested) and isinstance(nested, type):
-            given[name] = _built(nested, values, f"{key}.")
+            arguments[name] = _built(nested, values, f"{key}.")
         elif key in values:
-            given[name] = values[key]
-    return kind(**given)
+            arguments[name] = values[key]
+    return kind(**arguments)

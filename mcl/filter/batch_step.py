@@ -104,10 +104,10 @@ class Batch:
         evidence = self._evidence(np.exp(prior), entries, comparison)
         log_evidence = _normalize(posterior)
         clouds = Clouds.of(moved, np.exp(posterior), self.localizer.library.origin)
-        given = evidence
+        recovery_evidence = evidence
         if self.localizer.recovery.is_relative:
-            given = log_evidence - comparison.library_likelihood
-        acts, states = self._recoveries(runs, given)
+            recovery_evidence = log_evidence - comparison.library_likelihood
+        acts, states = self._recoveries(runs, recovery_evidence)
         odd = acts | are_wide(clouds, self.localizer.radii.cluster_m)
         if odd.any():
             self._alone(runs[odd], frame, comparison, put_record)
@@ -180,12 +180,12 @@ class Batch:
         if resampling.when is always:
             copied = np.ones(len(runs), bool)
         else:
-            asked = [resampling.when(Belief(moved[:, k].T, posterior[k], origin), step) for k in beliefs]
-            copied = np.array(asked, bool)
+            decisions = [resampling.when(Belief(moved[:, k].T, posterior[k], origin), step) for k in beliefs]
+            copied = np.array(decisions, bool)
         parents = np.full(len(runs), particles, np.int32)
         if not copied.all():
-            kept = runs[~copied]
-            self.poses[:, kept], self.log_weights[kept] = moved[:, ~copied], posterior[~copied]
+            others = runs[~copied]
+            self.poses[:, others], self.log_weights[others] = moved[:, ~copied], posterior[~copied]
         if copied.any():
             words = self._words(step, Purpose.RESAMPLE)[runs[copied]]
             of = _parents(resampling.scheme, weights[copied], [generator(run_words) for run_words in words])

@@ -54,8 +54,8 @@ def remembered(
         return ()
     prediction, movement = original.predict(before, record.frame), None
     if not isinstance(original.proposal, MotionProposal):
-        asked = unexplained(record.sighting.comparison, prediction.belief)
-        movement = movement_of(asked, record.frame, past)
+        comparison = unexplained(record.sighting.comparison, prediction.belief)
+        movement = movement_of(comparison, record.frame, past)
     return branch.proposal.keep(replace(record, predicted=prediction.belief), movement, past)
 
 

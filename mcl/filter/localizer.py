@@ -178,8 +178,8 @@ class Localizer:
         if not (left or weighting.references_speak()):
             return Recovery(0.0, before)
         comparison = weighting.sighting.comparison
-        given = self.recovery.evidence(weighting.evidence, weighting.log_evidence, comparison)
-        return self.recovery.strategy(usable_evidence(given, left), before)
+        evidence = self.recovery.evidence(weighting.evidence, weighting.log_evidence, comparison)
+        return self.recovery.strategy(usable_evidence(evidence, left), before)
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
         """Copy particles by weight, with room for those that recovery draws, where anything requires it."""

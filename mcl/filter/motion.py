@@ -236,13 +236,13 @@ Parameters = TypeVar("Parameters", MauriceParameters, OdometryParameters, OmniPa
 def from_header(kind: type[Parameters], values: Mapping[str, Any]) -> Parameters:
     """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
     known = sorted(f.name for f in fields(kind))
-    given = {name: value for name, value in values.items() if name != "model"}
-    for name in given:
+    entries = {name: value for name, value in values.items() if name != "model"}
+    for name in entries:
         if name not in known:
             raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(known)}")
     constants: dict[str, Any] = {
         name: _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
-        for name, value in given.items()
+        for name, value in entries.items()
     }
     return kind(**constants)
 
@@ -314,11 +314,15 @@ class OwnMotion:
     def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
         """See `MotionModel.move`."""
         offset = np.array([*origin, 0.0])
-        given = poses.astype(np.float64) + offset, RobotMotion(*map(float, motion)), noise.astype(np.float64)
-        moved = np.asarray(called(f"motion model {self.name}", self.model.move, *given))
+        arguments = (
+            poses.astype(np.float64) + offset,
+            RobotMotion(*map(float, motion)),
+            noise.astype(np.float64),
+        )
+        moved = np.asarray(called(f"motion model {self.name}", self.model.move, *arguments))
         if moved.shape != poses.shape or moved.dtype.kind != "f" or not np.isfinite(moved).all():
-            found = f"found {moved.dtype} {moved.shape}, expected finite poses {poses.shape}"
-            raise InputError(None, f"motion model {self.name}: {found}")
+            fault = f"found {moved.dtype} {moved.shape}, expected finite poses {poses.shape}"
+            raise InputError(None, f"motion model {self.name}: {fault}")
         x, y, heading = (moved - offset).T.astype(np.float32)
         return _poses(x, y, wrap(heading))
 

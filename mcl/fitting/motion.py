@@ -113,8 +113,8 @@ def calibrate(trials: Trials) -> Calibration:
     """Fit all constants. Raises ValueError, with a message for people, if there are too few trials."""
     turns, straights = len(trials.turns.measured_rad), len(trials.straights.measured_m)
     if turns < FEWEST_TRIALS or straights < FEWEST_TRIALS:
-        found = f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}"
-        raise ValueError(f"{found}, expected {FEWEST_TRIALS} or more of each")
+        counts = f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}"
+        raise ValueError(f"{counts}, expected {FEWEST_TRIALS} or more of each")
     turned, went = fit_turns(trials.turns), fit_straights(trials.straights)
     return Calibration(turned, went, fit_drifts(trials.straights))
 

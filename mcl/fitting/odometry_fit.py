@@ -223,9 +223,9 @@ def _generalized(linear: LinearDrive, variances: F64, added: F64) -> F64:
     right = np.einsum("nip,nij,nj->p", linear.biases, inverse, linear.errors)
     length, shape = _shaped(linear.information(variances))
     fitted = np.isfinite(added)
-    kept = shape[np.ix_(fitted, fitted)] + np.diag(added[fitted])
+    matrix = shape[np.ix_(fitted, fitted)] + np.diag(added[fitted])
     change = np.zeros(len(added))
-    change[fitted] = np.linalg.solve(kept, (right / length)[fitted]) / length[fitted]
+    change[fitted] = np.linalg.solve(matrix, (right / length)[fitted]) / length[fitted]
     return change
 
 
@@ -269,10 +269,10 @@ def _variances(linear: LinearDrive, variances: F64) -> F64:
         inverse = linear.inverse(variances)
         pulled = np.einsum("nij,nj->ni", inverse, linear.errors)
         wanted = np.einsum("ni,nqij,nj->q", pulled, linear.parts, pulled)
-        given = np.einsum("nij,nqji->q", inverse, linear.parts)
-        ratio = np.sqrt(np.divide(wanted, given, out=np.ones_like(given), where=given > 0))
+        expected = np.einsum("nij,nqji->q", inverse, linear.parts)
+        ratio = np.sqrt(np.divide(wanted, expected, out=np.ones_like(expected), where=expected > 0))
         variances = np.where(variances > 0, np.maximum(variances * ratio, 1e-14), 0.0)
-        if (np.abs(ratio - 1) * given * variances).max() < CONVERGED_SHARE * len(linear.errors):
+        if (np.abs(ratio - 1) * expected * variances).max() < CONVERGED_SHARE * len(linear.errors):
             break
     return variances
 

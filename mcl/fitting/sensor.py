@@ -311,9 +311,9 @@ def library_samples(table: LeftOutTable, progress: Progress | None = None) -> li
 def _counted(
     pictures: Iterable[tuple[F32, int]], count: int, progress: Progress | None
 ) -> Iterator[tuple[F32, int]]:
-    for done, (distances, truth) in enumerate(pictures, start=1):
+    for number, (distances, truth) in enumerate(pictures, start=1):
         if progress:
-            progress(done, count)
+            progress(number, count)
         if truth >= 0:
             yield distances, truth
 

@@ -110,8 +110,8 @@ def _bootstrap(value: float, rows: F64, statistic: Callable[[F64], F64]) -> Fitt
     rng = stream(Domain.CALIBRATE, 0, len(rows))
     at_once = max(1, MOST_ROWS // len(rows))
     parts = [
-        statistic(rows[rng.integers(0, len(rows), (min(at_once, RESAMPLES - done), len(rows)))])
-        for done in range(0, RESAMPLES, at_once)
+        statistic(rows[rng.integers(0, len(rows), (min(at_once, RESAMPLES - start), len(rows)))])
+        for start in range(0, RESAMPLES, at_once)
     ]
     low, high = np.quantile(np.concatenate(parts), TAILS)
     return Fitted(value, min(float(low), value), max(float(high), value))

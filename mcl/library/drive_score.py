@@ -69,13 +69,13 @@ class DriveScore:
 
 def stays(poses: F64, right_m: float) -> list[range]:
     """Divide true poses (n, 3) of a drive into stays, each within a radius and a turn of where it began."""
-    found, first = list[range](), 0
+    ranges, first = list[range](), 0
     for k, pose in enumerate(poses):
         away, turned = pose[:2] - poses[first, :2], abs(wrap_angle(pose[2] - poses[first, 2]))
         if np.hypot(*away) > right_m or turned > HEADING_SD_RAD:
-            found.append(range(first, k))
+            ranges.append(range(first, k))
             first = k
-    return [*found, range(first, len(poses))] if len(poses) else []
+    return [*ranges, range(first, len(poses))] if len(poses) else []
 
 
 @dataclass(frozen=True, slots=True, eq=False)

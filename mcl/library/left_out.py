@@ -76,8 +76,8 @@ class PlaceScore:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        told = plain(self, "worse_than_nothing")
-        return {"log_score": told.pop("score"), "knowing_nothing": told.pop("blind"), **told}
+        score = plain(self, "worse_than_nothing")
+        return {"log_score": score.pop("score"), "knowing_nothing": score.pop("blind"), **score}
 
 
 def even_spacing_m(nearest: NearestReference) -> float:

@@ -109,10 +109,10 @@ class _Counts:
         size = shape + before + after
         if float(size[0]) * float(size[1]) > MOST_MAP_CELLS:
             width, height = size * self.cell_m
-            found = f"found scans over {width:.0f} m by {height:.0f} m at {self.cell_m:g} m a cell"
+            fault = f"found scans over {width:.0f} m by {height:.0f} m at {self.cell_m:g} m a cell"
             least_m = math.ceil(100 * math.sqrt(width * height / MOST_MAP_CELLS)) / 100
             expected = f"expected at most {MOST_MAP_CELLS:,} cells"
-            raise ValueError(f"{found}, {expected}; is a pose wrong? If not, cells of {least_m:g} m would do")
+            raise ValueError(f"{fault}, {expected}; is a pose wrong? If not, cells of {least_m:g} m would do")
         margins = tuple(zip(before[::-1], after[::-1], strict=True))
         self.passes, self.hits = (np.pad(counts, margins) for counts in (self.passes, self.hits))
         self.low = self.low - before

@@ -58,8 +58,8 @@ def gap_in_log(story: Story) -> Failure | None:
 def gap_before(story: Story, update: UpdateEvidence, **evidence: Value) -> Failure:
     """Return the failure of a gap before an update, with whose it was where a live source tells."""
     gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s} | evidence
-    told = next((text for text in update.events if first_word(text) in (AWAY, CLOCK)), "")
-    of_source = {"source": first_word(told)} if told else {}
+    event = next((text for text in update.events if first_word(text) in (AWAY, CLOCK)), "")
+    of_source = {"source": first_word(event)} if event else {}
     count = skipped_before(update.events)
     skipped = {"skipped": count} if count else {}
     return story.failure(DATA, update.step, **gap, **skipped, **of_source)
@@ -243,8 +243,8 @@ def weights_vanish(story: Story) -> Failure | None:
 def unlucky(story: Story) -> Failure | None:
     """Particles at the true place had weight for a copy or more, and resampling made none, for good."""
     known = story.where(story.since_last, lambda u: u.near is not None)
-    kept = max((u.step for u in known if u.near and u.near.shares[2] > 0), default=0)
-    update = next((u for u in known if u.step > kept and _counts(u)), None)
+    last_near = max((u.step for u in known if u.near and u.near.shares[2] > 0), default=0)
+    update = next((u for u in known if u.step > last_near and _counts(u)), None)
     if update is None or update.near is None:
         return None
     share = update.near.shares[1]

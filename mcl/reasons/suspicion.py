@@ -47,8 +47,8 @@ def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
 
 def told_carried(story: Story) -> Failure | None:
     """The log tells that the robot was carried."""
-    told = story.where(story.doubted, lambda u: u.kidnapped)
-    return story.failure(KIDNAPPED, told[0].step, told=LOG_SAYS) if told else None
+    updates = story.where(story.doubted, lambda u: u.kidnapped)
+    return story.failure(KIDNAPPED, updates[0].step, told=LOG_SAYS) if updates else None
 
 
 def left_map(story: Story) -> Failure | None:

@@ -34,14 +34,14 @@ def tour_of(verdicts: Mapping[str, RunVerdict]) -> tuple[TourMoment, ...]:
     for label, verdict in verdicts.items():
         moments += _of_run(label, verdict)
     moments.sort(key=lambda moment: IMPORTANT.index(moment.kind))
-    kept: dict[int, TourMoment] = {}
+    tour: dict[int, TourMoment] = {}
     kinds = set[tuple[str, str]]()
     for moment in moments:
-        if len(kept) < MOST_MOMENTS and moment.step not in kept and (moment.kind, moment.label) not in kinds:
-            kept[moment.step] = moment
+        if len(tour) < MOST_MOMENTS and moment.step not in tour and (moment.kind, moment.label) not in kinds:
+            tour[moment.step] = moment
             if moment.kind not in (BEFELL, LOST):
                 kinds.add((moment.kind, moment.label))
-    return tuple(kept[step] for step in sorted(kept))
+    return tuple(tour[step] for step in sorted(tour))
 
 
 def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:

@@ -227,7 +227,8 @@ def most_even(divided: Mapping[int, Ambiguity]) -> Ambiguity | None:
         replace(max(row, key=lambda update: update.shares[1]), first=row[0].step, last=row[-1].step)
         for row in stays
     ]
-    return max((one for one in even if one.is_lasting), key=lambda one: one.shares[1], default=None)
+    lasting = [ambiguity for ambiguity in even if ambiguity.is_lasting]
+    return max(lasting, key=lambda ambiguity: ambiguity.shares[1], default=None)
 
 
 def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | None:
@@ -319,16 +320,16 @@ class VerdictBuilder:
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
         failures, run = self._diagnosis.result(), self.table
-        told = episodes(run)
-        figures = _figures(run, told.localized)
+        history = episodes(run)
+        figures = _figures(run, history.localized)
         suspected = tuple((failure.episode.first, failure.episode.last) for failure in failures)
         laser = None if self.localizer is None else self.localizer.sensor.sensors.get(LASER)
         return replace(
             RunVerdict(**figures),
             laser=laser.parameters if isinstance(laser, Laser) else None,
             draws_new=None if self.localizer is None else self.localizer.draws_new,
-            localized=told.localized,
-            episodes=told.episodes,
+            localized=history.localized,
+            episodes=history.episodes,
             has_laser=self._diagnosis.has_laser,
             doubts=self._diagnosis.doubts if run.known.any() else suspected,
             in_obstacles=stays_in_obstacles(run, self.localizer),

@@ -43,13 +43,13 @@ class Demands:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The demands, in the order of a table; who asks about the truth also asks not to be lost."""
-        asked = {
+        demands = {
             LOCALIZED: self.localized_by is not None,
             KEPT: self.need_truth,
             ERROR: self.max_error_m is not None,
             CONVERGED: self.converged_by is not None,
         }
-        return tuple(kind for kind, wanted in asked.items() if wanted)
+        return tuple(kind for kind, wanted in demands.items() if wanted)
 
     @property
     def grace(self) -> int:

@@ -89,8 +89,8 @@ class Episode:
             return ""
         if self.localized is None:
             return "not localized again"
-        given = "" if self.given is None else f", given a pose at step {self.given}"
-        return f"localized again from step {self.localized}{given}"
+        remark = "" if self.given is None else f", given a pose at step {self.given}"
+        return f"localized again from step {self.localized}{remark}"
 
     @property
     def is_sure(self) -> bool:
@@ -253,14 +253,14 @@ def _episode(run: RunTable, marks: _Marks, span: _Span, until: int) -> Episode:
     during, steps = marks.updates[judged], run.steps
     off = during[marks.off[judged]]
     noticed = _noticed(run, int(marks.updates[span.first]), int(marks.updates[span.known]), until)
-    last, localized, given = int(steps[until - 1]), None, None
+    last, localized, step_given = int(steps[until - 1]), None, None
     first = int(steps[marks.updates[span.first]])
     if span.localized is not None:
         localized = int(steps[marks.updates[span.localized]])
         last = int(steps[during[-1]]) if len(during) else localized
         noticed = None if noticed is not None and noticed >= localized else noticed
         given_at = steps[np.flatnonzero(run.given[: marks.updates[span.localized + LOCALIZED_OF[1] - 1] + 1])]
-        given = int(given_at[-1]) if len(given_at) and first < given_at[-1] <= localized else None
+        step_given = int(given_at[-1]) if len(given_at) and first < given_at[-1] <= localized else None
     return Episode(
         span.kind,
         first,
@@ -269,7 +269,7 @@ def _episode(run: RunTable, marks: _Marks, span: _Span, until: int) -> Episode:
         noticed=noticed,
         lost=None if span.lost is None else int(steps[marks.updates[span.lost]]),
         localized=localized,
-        given=given,
+        given=step_given,
         steps=len(during),
         fresh=int(run.fresh[during].sum()),
         sure=int(marks.sure[judged].sum()),
@@ -321,8 +321,8 @@ def _by_signal(run: RunTable) -> Standing | None:
     knows = run.knows[rows] > KNOWS_ABOVE
     # it doubts no run that knew where it was before the alarm, unless another place is as likely
     knew = run.before is not None and run.before.state == PROBABLY_LOCALIZED
-    kept = latched(knows, doubted | (unclear & ~knows), begun=knew)
-    states = np.select([doubted, kept], [PROBABLY_LOST, PROBABLY_LOCALIZED], SEARCHING)
+    localized = latched(knows, doubted | (unclear & ~knows), begun=knew)
+    states = np.select([doubted, localized], [PROBABLY_LOST, PROBABLY_LOCALIZED], SEARCHING)
     state = str(states[-1])
     others = np.flatnonzero(states != state)
     since = int(steps[others[-1] + 1 if len(others) else 0])

@@ -146,8 +146,8 @@ class LostSignal:
         numbers = BeliefNumbers.of(record)
         if numbers is not None:
             return self.see(numbers)
-        told = [part for part in record.sighting.comparison.sensed if part.tells_against]
-        return self._sensed(record, told[0]) if told else None
+        sensors = [part for part in record.sighting.comparison.sensed if part.tells_against]
+        return self._sensed(record, sensors[0]) if sensors else None
 
     def _sensed(self, record: StepRecord, part: Sensed) -> float | None:
         """Process what a pose sensor read, without channels: it falls at once, and rises slowly.

@@ -77,8 +77,8 @@ def _read(
     least = own.nats + SCANS_WORTH * part.settled(own.pose)[1]
     read = [(part.settled(place.pose), place.nats - least) for place in others]
     rivals = [RivalPlace(pose, min(nats + SCANS_WORTH * now, MOST_NATS)) for (pose, now), nats in read]
-    kept = [RivalPlace(own.pose)]
+    places = [RivalPlace(own.pose)]
     for place in sorted(rivals, key=lambda place: -place.nats):
-        if place.nats > -MOST_NATS and not any(other.is_near(place.pose, right_m) for other in kept):
-            kept.append(place)
-    return tuple(kept[: 1 + MOST_PLACES])
+        if place.nats > -MOST_NATS and not any(other.is_near(place.pose, right_m) for other in places):
+            places.append(place)
+    return tuple(places[: 1 + MOST_PLACES])

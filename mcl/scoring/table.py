@@ -441,15 +441,15 @@ class TableRows:
         """Return the runs so far, one by one, or their rows from one on."""
         self._make_room()  # an empty table has columns, too
         rows = slice(first, self.updates)
-        made = {name: column[rows] for name, column in self._columns.items()}  # rows never change
-        drive = {name: made[name] for name in OF_THE_DRIVE}
+        columns = {name: column[rows] for name, column in self._columns.items()}  # rows never change
+        drive = {name: columns[name] for name in OF_THE_DRIVE}
         return tuple(
             RunTable(
                 seed=seed,
                 radii=self.radii,
                 events=tuple(events[run] for events in self._events[rows]),
                 before=before,
-                **(drive | {name: made[name][:, run] for name in OF_A_RUN}),
+                **(drive | {name: columns[name][:, run] for name in OF_A_RUN}),
             )
             for run, seed in enumerate(seeds)
         )

@@ -149,8 +149,8 @@ class SensorModel:
     @property
     def weights(self) -> dict[str, float]:
         """Return the weight of each channel in use, in order: those of `parameters` without pose sensors."""
-        given, known = self.parameters.weights, {*self.sensors, *self.library.sensors, *POSE_SENSORS}
-        return {name: weight for name, weight in given.items() if name not in known}
+        weights, sensors = self.parameters.weights, {*self.sensors, *self.library.sensors, *POSE_SENSORS}
+        return {name: weight for name, weight in weights.items() if name not in sensors}
 
     @property
     def distances(self) -> dict[str, str]:

@@ -92,8 +92,8 @@ class Library:
 
     def __repr__(self) -> str:
         """Return what it holds, in a line."""
-        held = ", ".join([*self.index, *self.sensors]) or "a map"
-        return f"Library({self.name!r}, {self.size} references: {held})"
+        contents = ", ".join([*self.index, *self.sensors]) or "a map"
+        return f"Library({self.name!r}, {self.size} references: {contents})"
 
     @property
     def size(self) -> int:

@@ -77,9 +77,9 @@ def own_part(what: str, name: str) -> Any:
         part = made(what, part)  # it may have been given as an object
         now = name_of(part)
     if digest and now != name:
-        found = f"found the source {now.partition('@')[2]}, expected {digest}"
+        fault = f"found the source {now.partition('@')[2]}, expected {digest}"
         advice = "it was changed, or made with other values: restore it, or make it in the script that asks"
-        raise ValueError(f"{what} {spelled}: {found}; {advice}")
+        raise ValueError(f"{what} {spelled}: {fault}; {advice}")
     return part
 
 

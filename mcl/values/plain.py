@@ -22,7 +22,7 @@ def plain(value: Any, *properties: str) -> dict[str, Any]:
         {'file': 'a.log', 'share': None, 'steps': [1, 2]}
     """
     if isinstance(value, Mapping):
-        return {key: plain_value(one) for key, one in value.items()}
+        return {key: plain_value(entry) for key, entry in value.items()}
     names = (*(field.name for field in fields(value)), *properties)
     return {name: plain_value(getattr(value, name)) for name in names}
 
@@ -36,7 +36,7 @@ def plain_value(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         return plain_value(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [plain_value(one) for one in value]
+        return [plain_value(entry) for entry in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, PurePath) else value

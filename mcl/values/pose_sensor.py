@@ -328,8 +328,8 @@ class Sensed:
         confirmed = getattr(self.sensor, "confirmed", None)
         if confirmed is None or self.proposal is None:
             return self.proposal
-        kept: PoseProposal | None = confirmed(self.reading, self.proposal, earlier(self.name))
-        return kept
+        proposal: PoseProposal | None = confirmed(self.reading, self.proposal, earlier(self.name))
+        return proposal
 
     @cached_property
     def proposal(self) -> PoseProposal | None:

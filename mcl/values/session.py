@@ -152,12 +152,12 @@ def expect_frame(moment: Moment, before: Frame | None) -> None:
     frame, image = moment.frame, moment.frame.image
     is_array = isinstance(image, np.ndarray) and image.dtype == np.uint8
     if not is_array or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
-        found = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise InputError(None, f"image: found {found}, expected uint8 (H, W, 3) RGB")
+        kind = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise InputError(None, f"image: found {kind}, expected uint8 (H, W, 3) RGB")
     motions = frame.motions
     if not isinstance(motions, np.ndarray) or motions.ndim != 2 or motions.shape[1] != 3:
-        found = str(motions.shape) if isinstance(motions, np.ndarray) else type(motions).__name__
-        raise InputError(None, f"motion: found {found}, expected (M, 3) forward_m, left_m, turn_rad")
+        kind = str(motions.shape) if isinstance(motions, np.ndarray) else type(motions).__name__
+        raise InputError(None, f"motion: found {kind}, expected (M, 3) forward_m, left_m, turn_rad")
     if not np.isfinite(motions).all():
         raise InputError(None, f"motion: found {motions.tolist()!r:.80}, expected finite numbers")
     if moment.truth is not None and (np.shape(moment.truth) != (3,) or not np.isfinite(moment.truth).all()):

@@ -36,30 +36,30 @@ def number(low: float, high: float) -> Rule:
     """Take a number within bounds, both included."""
 
     def rule(key: str, value: Any) -> float:
-        given = _from_text(value, float)
-        if isinstance(given, bool) or not isinstance(given, (int, float)) or not low <= given <= high:
+        amount = _from_text(value, float)
+        if isinstance(amount, bool) or not isinstance(amount, (int, float)) or not low <= amount <= high:
             raise ValueError(f"{key}: found {value!r}, expected a number from {low:g} to {high:g}")
-        return float(given)
+        return float(amount)
 
     return rule
 
 
 def radius(key: str, value: Any) -> float:
     """Accept a radius in meters; 0 means that it is derived from the library."""
-    given: float = number(0, 1e4)(key, value)
-    if 0 < given < LEAST_RADIUS_M:
+    radius_m: float = number(0, 1e4)(key, value)
+    if 0 < radius_m < LEAST_RADIUS_M:
         raise ValueError(f"{key}: found {value!r}, expected 0 or a number from {LEAST_RADIUS_M:g} to 10000")
-    return given
+    return radius_m
 
 
 def whole(low: int, high: int) -> Rule:
     """Take an integer within bounds, both included."""
 
     def rule(key: str, value: Any) -> int:
-        given = _from_text(value, int)
-        if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+        count = _from_text(value, int)
+        if isinstance(count, bool) or not isinstance(count, int) or not low <= count <= high:
             raise ValueError(f"{key}: found {value!r}, expected a whole number from {low} to {high}")
-        return given
+        return count
 
     return rule
 
@@ -78,18 +78,18 @@ def choice(*words: str) -> Rule:
 def truth(key: str, value: Any) -> bool:
     """Accept true or false."""
     words = {"true": True, "false": False}
-    given = words.get(value, value) if isinstance(value, str) else value
-    if not isinstance(given, bool):
+    flag = words.get(value, value) if isinstance(value, str) else value
+    if not isinstance(flag, bool):
         raise ValueError(f"{key}: found {value!r}, expected true or false")
-    return given
+    return flag
 
 
 def texts(key: str, value: Any) -> tuple[str, ...]:
     """Take a list of texts; as text: "beacon,my_module:Sonar"."""
-    given = [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
-    if not isinstance(given, (list, tuple)) or not all(isinstance(entry, str) and entry for entry in given):
+    words = [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
+    if not isinstance(words, (list, tuple)) or not all(isinstance(entry, str) and entry for entry in words):
         raise ValueError(f"{key}: found {value!r}, expected a list of texts")
-    return tuple(dict.fromkeys(given))
+    return tuple(dict.fromkeys(words))
 
 
 def text(key: str, value: Any) -> str:

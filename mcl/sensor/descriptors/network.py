@@ -58,8 +58,8 @@ def network_of(name: str) -> Network:
     except OSError as problem:
         raise InputError(path, f"cannot be read: {problem.strerror}; a network is an .onnx file") from None
     if HASHED.search(name) and not name.endswith(network.digest):
-        found = f"found the hash {network.digest}, expected {name[-HASH_DIGITS:]}"
-        raise InputError(path, f"{found}; the network or its table was changed: restore it")
+        fault = f"found the hash {network.digest}, expected {name[-HASH_DIGITS:]}"
+        raise InputError(path, f"{fault}; the network or its table was changed: restore it")
     return network
 
 
@@ -134,8 +134,8 @@ class Network:
                 raise InputError(self.path, f"OpenCV cannot run it: {_reason(problem)}") from None
         row: F32 = output.reshape(-1).copy()
         if output.ndim < 1 or output.shape[0] != 1 or max(output.shape) != len(row) or len(row) < 2:
-            found = f"its output {self.shape.output!r} has the shape {output.shape}"
-            raise InputError(self.path, f"{found}, expected one descriptor, (1, D); export what pools, too")
+            fault = f"its output {self.shape.output!r} has the shape {output.shape}"
+            raise InputError(self.path, f"{fault}, expected one descriptor, (1, D); export what pools, too")
         if not np.isfinite(row).all():
             raise InputError(self.path, "its output is not finite: is it made for the input it is given?")
         return row
@@ -202,8 +202,8 @@ def _input_shape(path: Path, table: Path, told: Mapping[str, Any], graph: _Graph
             path, f"{described}: write its size to {table.name} beside it, such as size = [320, 320]"
         )
     if fixed not in (None, size) or not all(1 <= side <= MOST_SIDE_PX for side in size):
-        found = f"size is {list(size)}, and {described}"
-        raise InputError(path, f"{found}; expected the same, and sides of 1 to {MOST_SIDE_PX} pixels")
+        fault = f"size is {list(size)}, and {described}"
+        raise InputError(path, f"{fault}; expected the same, and sides of 1 to {MOST_SIDE_PX} pixels")
     is_gray = dims[1] == 1
     usual: dict[str, tuple[float, ...]] = {"mean": MEAN, "std": STD}
     if is_gray:
@@ -213,9 +213,9 @@ def _input_shape(path: Path, table: Path, told: Mapping[str, Any], graph: _Graph
         raise InputError(path, f"{described}: expected as many numbers of mean and std as it has colors")
     output = told.get("output", graph.outputs[0] if len(graph.outputs) == 1 else None)
     if output not in graph.outputs:
-        found = f"found the outputs {', '.join(graph.outputs) or 'none'}"
+        fault = f"found the outputs {', '.join(graph.outputs) or 'none'}"
         advice = f'write output = "NAME" to {table.name} beside it'
-        raise InputError(path, f"{found}, expected {output or 'one'}; {advice}")
+        raise InputError(path, f"{fault}, expected {output or 'one'}; {advice}")
     return InputShape(size, mean, std, is_gray, told.get("order") == "BGR", output)
 
 
@@ -307,7 +307,7 @@ def _graph(path: Path, content: bytes) -> _Graph:
         graph = [each for _, part in _of(model, MODEL_GRAPH) for each in _fields(part)]
         metadata = dict(_pair(part) for _, part in _of(model, MODEL_METADATA))
         tensors = [dict(_fields(part)) for _, part in _of(graph, GRAPH_TENSOR)]
-        given = {_text(tensor[TENSOR_NAME]) for tensor in tensors if TENSOR_NAME in tensor}
+        constants = {_text(tensor[TENSOR_NAME]) for tensor in tensors if TENSOR_NAME in tensor}
         inputs = dict(_value(part) for _, part in _of(graph, GRAPH_INPUT))
         outputs = [_value(part)[0] for _, part in _of(graph, GRAPH_OUTPUT)]
     except (ValueError, IndexError, TypeError, KeyError):
@@ -317,7 +317,7 @@ def _graph(path: Path, content: bytes) -> _Graph:
     if any(tensor.get(TENSOR_LOCATION) == EXTERNAL for tensor in tensors):
         advice = "export it as one file (external_data=False)"
         raise InputError(path, f"its weights are in another file; {advice}")
-    return _Graph({name: value for name, value in inputs.items() if name not in given}, outputs, metadata)
+    return _Graph({name: value for name, value in inputs.items() if name not in constants}, outputs, metadata)
 
 
 Field = tuple[int, Any]  # its number; a whole number, or bytes

@@ -168,9 +168,9 @@ def _keypoints(
 
     none, pictures = keypoints_of(np.zeros((8, 8, 3), np.uint8)), []
     keep_freed_memory()  # of OpenCV, from picture to picture
-    for done, picture in enumerate(on_all_cores(look, used.tolist()), 1):
+    for count, picture in enumerate(on_all_cores(look, used.tolist()), 1):
         pictures.append(picture)
-        progress(done, len(used), "landmarks")
+        progress(count, len(used), "landmarks")
     size = next((each for _, each in pictures if each is not None), None)
     return [points if each == size else none for points, each in pictures], size
 
@@ -212,11 +212,11 @@ def _pruned(
     bundle: Bundle, views: Views, at: NDArray[np.intp], limit_px: float
 ) -> tuple[Bundle, Views, NDArray[np.intp]]:
     """Drop observations that are too far off, and points that fewer than two references see then."""
-    kept = errors_px(bundle, views) < limit_px
+    good = errors_px(bundle, views) < limit_px
     # one observation a reference and point
-    twice = np.bincount(views.point[kept], minlength=len(bundle.points)) >= 2
-    kept &= twice[views.point]
-    views, at = views.only(kept), at[kept]
+    twice = np.bincount(views.point[good], minlength=len(bundle.points)) >= 2
+    good &= twice[views.point]
+    views, at = views.only(good), at[good]
     number = np.cumsum(twice) - 1
     views = Views(views.reference, number[views.point], views.pixels)
     return Bundle(bundle.camera, bundle.poses, bundle.points[twice]), views, at
@@ -231,22 +231,22 @@ def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit
     sd_m = _deviations(bundle, views, records, pixel_sd)
     good = (sd_m[:, 1] < FARTHEST_SD_M) & (records.farthest_m > 0)
     order = np.argsort(-records.seen, kind="stable")
-    kept = np.sort(order[good[order]][:MOST_LANDMARKS])
+    best = np.sort(order[good[order]][:MOST_LANDMARKS])
     could: I32 = np.maximum(records.could_see, records.seen)
     number = np.full(len(bundle.points), -1, np.int32)
-    number[kept] = np.arange(len(kept))
+    number[best] = np.arange(len(best))
     kept_views = views.only(number[views.point] >= 0)
     return LandmarkSet(
         fit=fit,
-        points=bundle.points[kept],
-        descriptors=records.descriptors[kept].astype(np.float16).astype(np.float32),
-        sd_m=sd_m[kept],
-        seen=records.seen[kept],
-        could_see=could[kept],
-        facing_rad=records.facing_rad[kept],
-        spread_rad=records.spread_rad[kept],
-        nearest_m=records.nearest_m[kept],
-        farthest_m=records.farthest_m[kept],
+        points=bundle.points[best],
+        descriptors=records.descriptors[best].astype(np.float16).astype(np.float32),
+        sd_m=sd_m[best],
+        seen=records.seen[best],
+        could_see=could[best],
+        facing_rad=records.facing_rad[best],
+        spread_rad=records.spread_rad[best],
+        nearest_m=records.nearest_m[best],
+        farthest_m=records.farthest_m[best],
         poses=bundle.poses,
         pixel_sd=pixel_sd,
         agreement_px=np.percentile(error, [50, 75, 90]),

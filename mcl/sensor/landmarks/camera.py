@@ -75,11 +75,11 @@ def reprojected(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F3
     c, s = np.cos(heading), np.sin(heading)
     x, y = poses[:, 0], poses[:, 1]
     cp, sp = np.float32(np.cos(camera.tilt_rad)), np.float32(np.sin(camera.tilt_rad))
-    none, one = np.zeros_like(c), np.ones_like(c)
+    zeros, ones = np.zeros_like(c), np.ones_like(c)
     # right = s (X - x) - c (Y - y), ahead = c (X - x) + s (Y - y), and up: sums over (X, Y, 1, up)
-    right = np.stack([s, -c, c * y - s * x, none])
-    ahead = np.stack([c, s, -(c * x + s * y), none])
-    up = np.stack([none, none, none, one])
+    right = np.stack([s, -c, c * y - s * x, zeros])
+    ahead = np.stack([c, s, -(c * x + s * y), zeros])
+    up = np.stack([zeros, zeros, zeros, ones])
     of_points = np.ones((len(points), 4), np.float32)
     of_points[:, :2] = points[:, :2]
     np.subtract(points[:, 2], np.float32(camera.height_m), out=of_points[:, 3])

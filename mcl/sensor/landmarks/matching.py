@@ -32,19 +32,19 @@ def spread_out(poses: F64, most: int) -> NDArray[np.intp]:
 
     A place keeps all of its headings. Of the places in one square that nearest to its middle is kept.
     """
-    kept = np.arange(len(poses))
+    numbers = np.arange(len(poses))
     side_m = spacing(np.unique(poses[:, :2].round(2), axis=0))
-    while len(kept) > most:
+    while len(numbers) > most:
         side_m *= 1.1
         places, of_place = np.unique(poses[:, :2].round(2), axis=0, return_inverse=True)
         square = np.floor(places / side_m)
         off = np.hypot(*(places - (square + 0.5) * side_m).T)
         order = np.argsort(off, kind="stable")
         first = order[np.unique(square[order], axis=0, return_index=True)[1]]
-        kept = np.flatnonzero(np.isin(of_place.ravel(), first))
+        numbers = np.flatnonzero(np.isin(of_place.ravel(), first))
         if len(first) == 1:
             break
-    return kept
+    return numbers
 
 
 def overlapping(poses: F64, yaw_rad: float) -> NDArray[np.intp]:
@@ -110,8 +110,8 @@ def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
     near = np.sqrt(np.maximum(2 - 2 * nearest[mutually], 0))
     rows[line, other] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
-    kept = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
-    return mutually[kept], other[kept], near[kept].astype(np.float32)
+    distinct = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
+    return mutually[distinct], other[distinct], near[distinct].astype(np.float32)
 
 
 def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], ends: Ends) -> F64:

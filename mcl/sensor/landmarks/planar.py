@@ -66,21 +66,21 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float) -> list[Mo
     order = order[score[order] > score.max() - REFINED_NATS]
     chosen = hypotheses[order[_apart(hypotheses[order], MOST_REFINED)]]
     modes = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
-    kept = _apart(np.stack([mode.pose for mode in modes]), MOST_MODES)
-    return [replace(modes[k], pose=modes[k].pose + origin) for k in kept]
+    numbers = _apart(np.stack([mode.pose for mode in modes]), MOST_MODES)
+    return [replace(modes[k], pose=modes[k].pose + origin) for k in numbers]
 
 
 def _apart(poses: F64, most: int) -> list[int]:
     """Return the numbers of the first poses (H, 3) that are apart from those before, at most `most`."""
     left = np.ones(len(poses), np.bool_)
-    kept: list[int] = []
-    while left.any() and len(kept) < most:
+    numbers: list[int] = []
+    while left.any() and len(numbers) < most:
         k = int(left.argmax())
-        kept.append(k)
+        numbers.append(k)
         far = np.hypot(*(poses[:, :2] - poses[k, :2]).T) > MODE_RADIUS_M
         left &= far | (np.abs(wrap(poses[:, 2] - poses[k, 2])) > MODE_RADIUS_RAD)
         left[k] = False
-    return kept
+    return numbers
 
 
 def hypotheses_of(camera: PinholeCamera, matched: Matched) -> F64:
@@ -111,8 +111,8 @@ def _pairs(chance: F64) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     if len(first) > MOST_HYPOTHESES:
         rng = np.random.default_rng(0)
         weight = chance[first] * chance[second]
-        kept = rng.choice(len(first), MOST_HYPOTHESES, replace=False, p=weight / weight.sum())
-        first, second = first[kept], second[kept]
+        sample = rng.choice(len(first), MOST_HYPOTHESES, replace=False, p=weight / weight.sum())
+        first, second = first[sample], second[sample]
     return first.astype(np.intp), second.astype(np.intp)
 
 

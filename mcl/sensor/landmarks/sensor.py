@@ -117,14 +117,14 @@ class Landmarks:
         following[np.isinf(following)] = 1  # nothing is elsewhere: no test, no match
         near, far = (np.sqrt(np.maximum(2 - 2 * v, 1e-9)) for v in (nearest, following))
         ratio = near / far
-        kept = np.flatnonzero(ratio < MOST_RATIO)
+        matches = np.flatnonzero(ratio < MOST_RATIO)
         # one keypoint a landmark: the nearest
-        kept = kept[np.argsort(near[kept], kind="stable")]
-        kept = np.sort(kept[np.unique(best[kept], return_index=True)[1]])
-        if len(kept) < LEAST_MATCHES:
+        matches = matches[np.argsort(near[matches], kind="stable")]
+        matches = np.sort(matches[np.unique(best[matches], return_index=True)[1]])
+        if len(matches) < LEAST_MATCHES:
             return None
-        inlier = np.interp(ratio[kept], RATIOS, RIGHT_SHARES).astype(np.float32)
-        reading = LandmarkReading(image, keypoints.pixels[kept], best[kept], inlier)
+        inlier = np.interp(ratio[matches], RATIOS, RIGHT_SHARES).astype(np.float32)
+        reading = LandmarkReading(image, keypoints.pixels[matches], best[matches], inlier)
         return replace(reading, modes=self._modes(reading))
 
     def to_numbers(self, reading: LandmarkReading | None) -> F64:
