@@ -106,8 +106,8 @@ def simulate(
         >>> paths.session  # doctest: +SKIP
         PosixPath('drive/session.log')
     """
-    asked = simulation_plan(plan) if isinstance(plan, str) else plan
-    return write_simulation(Path(to), asked, force=force, progress=progress)
+    simulation = simulation_plan(plan) if isinstance(plan, str) else plan
+    return write_simulation(Path(to), simulation, force=force, progress=progress)
 
 
 def session_info(set_up: Stage) -> SessionInfo:
@@ -139,8 +139,8 @@ def known_of(set_up: Stage, report: NamedProgress) -> Path:
     """Return what is known of the world before a drive, from the cache: a survey's log, or a laser's map."""
     plan, world = set_up.plan, set_up.surveyed
     if not plan.laser:
-        kept = cached_survey(world, plan.arena_seed, report, half_resolution=plan.half_resolution)
-        return kept / SURVEY.name
+        survey_folder = cached_survey(world, plan.arena_seed, report, half_resolution=plan.half_resolution)
+        return survey_folder / SURVEY.name
     key = f"{GENERATOR}-{fingerprint(world)[:24]}"
 
     def make(folder: Path) -> None:

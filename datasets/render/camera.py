@@ -130,13 +130,13 @@ class Seen:
 
 
 def _clip_near(corners: F64, near_m: float) -> F64:
-    kept = []
+    points = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if a[2] >= near_m:
-            kept.append(a)
+            points.append(a)
         if (a[2] - near_m) * (b[2] - near_m) < 0:
-            kept.append(a + (b - a) * (near_m - a[2]) / (b[2] - a[2]))
-    return np.array(kept).reshape(-1, 3)
+            points.append(a + (b - a) * (near_m - a[2]) / (b[2] - a[2]))
+    return np.array(points).reshape(-1, 3)
 
 
 def project(scene: LitScene, position: F64, turn: F64, lens: Lens) -> list[Seen]:
@@ -148,16 +148,16 @@ def project(scene: LitScene, position: F64, turn: F64, lens: Lens) -> list[Seen]
     corner, across, down = corner[front], across[front], down[front]
     outlines = np.stack([corner, corner + across, corner + across + down, corner + down], axis=1)
     windows = windows_of(outlines, lens)
-    kept = np.flatnonzero((windows[:, 0] < windows[:, 2]) & (windows[:, 1] < windows[:, 3]))
-    depth = np.maximum(outlines[kept, :, 2].min(axis=1), lens.near_m)
+    visible = np.flatnonzero((windows[:, 0] < windows[:, 2]) & (windows[:, 1] < windows[:, 3]))
+    depth = np.maximum(outlines[visible, :, 2].min(axis=1), lens.near_m)
     order = np.argsort(depth, kind="stable")
-    kept, nearest = kept[order], 1 / depth[order]
-    planes = np.linalg.inv(lens.matrix @ np.stack([across, down, corner], axis=2)[kept])
-    faces = (scene.faces[k] for k in numbers[kept])
+    visible, nearest = visible[order], 1 / depth[order]
+    planes = np.linalg.inv(lens.matrix @ np.stack([across, down, corner], axis=2)[visible])
+    faces = (scene.faces[k] for k in numbers[visible])
     return [
         Seen(face, plane, (u1, v1, u2, v2), float(near))
         for face, plane, (u1, v1, u2, v2), near in zip(
-            faces, planes, windows[kept].tolist(), nearest, strict=True
+            faces, planes, windows[visible].tolist(), nearest, strict=True
         )
     ]
 

@@ -64,9 +64,9 @@ def conditions_for(
     half_resolution: bool = False,
 ) -> Conditions:
     """Combine the conditions of a tier with those the user adds; of drift and people the more counts."""
-    asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
+    largest_drift = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
     others = tuple(change for change in lights if change.kind != "drift")
-    drift, tint = max(tier.drift, asked), max(tier.tint, TINT_SHARE * asked)
+    drift, tint = max(tier.drift, largest_drift), max(tier.tint, TINT_SHARE * largest_drift)
     return Conditions(others, drift, tint, max(tier.occluded, people), gain, half_resolution)
 
 

@@ -304,11 +304,11 @@ def as_twins(
     shell, rest = len(world.shell) // 2, sum(len(piece.faces) for piece in world.furniture) // 2
     ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)])
     other = [parts.index(replace(part, source=world.twin_of(part.source))) for part in parts]
-    light, total, given = light.copy(), total.copy(), light[other]
+    light, total, twin_light = light.copy(), total.copy(), light[other]
     for first, count in ((0, shell), (2 * shell, rest)):
         here = slice(ends[first], ends[first + count])
         there = slice(ends[first + count], ends[first + 2 * count])
-        light[:, there], total[there] = given[:, here], total[here]
+        light[:, there], total[there] = twin_light[:, here], total[here]
     return light, total
 
 

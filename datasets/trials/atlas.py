@@ -88,8 +88,8 @@ def failure_atlas(rows: pl.DataFrame, spot_m: float) -> FailureAtlas:
 def _updates(rows: pl.DataFrame, spot_m: float) -> pl.DataFrame:
     """Return a row for each update with a true position, with its spot."""
     numbers = pl.int_ranges(1, pl.col("error_m").list.len() + 1).alias("update")
-    kept = ["arena", "label", "right_m", "kidnapped_at_update", "pictures_to_localize"]
-    long = rows.select(*KEY, *kept, *LISTS, numbers).explode(*LISTS, "update")
+    columns = ["arena", "label", "right_m", "kidnapped_at_update", "pictures_to_localize"]
+    long = rows.select(*KEY, *columns, *LISTS, numbers).explode(*LISTS, "update")
     long = long.filter(pl.col("true_x_m").is_not_nan() & pl.col("error_m").is_not_nan())
     return long.with_columns(
         pl.col("arena").is_not_null().alias("simulated"),

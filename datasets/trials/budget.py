@@ -99,8 +99,8 @@ def budget_of(
     name: str, label: str, units: str, drives: Sequence[BudgetDrive], progress: Progress | None = None
 ) -> ErrorBudget:
     """Run every drive with each part made perfect; intervals are over drives, or seeds of one."""
-    asked = [with_perfect(part, drive.runs) for part in PARTS for drive in drives]
-    tables = iter(tables_of(asked, progress))
+    runs = [with_perfect(part, drive.runs) for part in PARTS for drive in drives]
+    tables = iter(tables_of(runs, progress))
     lines = {part: [budget_line(part, next(tables)) for _ in drives] for part in PARTS}
     places, numbers = (
         np.repeat(labels, [len(drive.runs.seeds) for drive in drives])

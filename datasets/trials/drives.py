@@ -73,17 +73,17 @@ class Bench:
 
     def _build(self, settings: Settings) -> Localizer:
         try:
-            asked = configuration_of(settings)
-            library = self._library(asked)
-            configuration = available(asked, library)[0]
-            given = configuration.parameters
-            shared = repr((given.sensor, given.references, given.map))
+            base = configuration_of(settings)
+            library = self._library(base)
+            configuration = available(base, library)[0]
+            parameters = configuration.parameters
+            shared = repr((parameters.sensor, parameters.references, parameters.map))
             alike = self._sensors.get(shared)
             if alike is None:
                 chosen = adapted(configuration, library, self.nearest)[0].parameters
                 alike = build_localizer(library, None, chosen, reference=self.nearest)
                 self._sensors[shared] = alike
-            return build_localizer(library, None, given, reference=self.nearest, sensor=alike.sensor)
+            return build_localizer(library, None, parameters, reference=self.nearest, sensor=alike.sensor)
         except (KeyError, ValueError) as problem:
             raise InputError(None, str(problem)) from None
 

@@ -108,10 +108,10 @@ def tables_of(
         if is_worth
         else nullcontext(map(_tables, numbered)) as each
     ):
-        for done, (number, some) in enumerate(each, 1):
+        for count, (number, some) in enumerate(each, 1):
             tables[number] = some
             if progress:
-                progress(done, len(parts))
+                progress(count, len(parts))
     return [
         tuple(chain.from_iterable(tables[at] for at, (whose, _) in enumerate(parts) if whose == number))
         for number in range(len(asked))

@@ -77,8 +77,8 @@ def _reading(key: str, value: Any) -> str:
 
 def reading_text(options: Reading) -> str:
     """Return the options that differ from their defaults, as JSON; "" for none."""
-    given = {name: getattr(options, name) for name in options.changed}
-    return json.dumps(plain(given)) if given else ""
+    changes = {name: getattr(options, name) for name in options.changed}
+    return json.dumps(plain(changes)) if changes else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +322,9 @@ def _included(file: Path, name: object) -> Path:
 def _part(file: Path, tree: Mapping[str, Any]) -> Part:
     seeds = tree.get("seeds", 20)
     sessions = tuple(
-        spec for number, given in enumerate(tree["sessions"], 1) for spec in _sessions(file, number, given)
+        spec
+        for number, session in enumerate(tree["sessions"], 1)
+        for spec in _sessions(file, number, session)
     )
     _expect_distinct(file, "sessions: found the label", [spec.label for spec in sessions])
     if seeds > MOST_DRIVES and any(not spec.path for spec in sessions):
@@ -336,11 +338,11 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
         for key, value in flatten(tree.get("grid", {})).items()
     }
     listed = []
-    for number, given in enumerate(tree.get("variants", []), 1):
-        if not isinstance(given, Mapping):
-            raise InputError(file, f"variant {number}: found {show(given)}, expected a table")
-        own = flatten({key: value for key, value in given.items() if key != "label"})
-        listed.append(Variant(str(given.get("label", label_of(own))), own))
+    for number, entry in enumerate(tree.get("variants", []), 1):
+        if not isinstance(entry, Mapping):
+            raise InputError(file, f"variant {number}: found {show(entry)}, expected a table")
+        own = flatten({key: value for key, value in entry.items() if key != "label"})
+        listed.append(Variant(str(entry.get("label", label_of(own))), own))
     _expect_distinct(file, "variants: found the label", [variant.label for variant in listed])
     variants = Variants(flatten(tree.get("settings", {})), grid, tuple(listed))
     alone = [{key: value} for key, values in grid.items() for value in values]
@@ -381,7 +383,7 @@ def _simulated_or_recorded(file: Path, number: int, spec: SessionSpec) -> Sessio
     if not spec.path and (why := _why_no_simulation(spec)):
         raise InputError(file, f"session {number}: {why}")
     path, library = (
-        str((file.parent / given).resolve()) if given else "" for given in (spec.path, spec.library)
+        str((file.parent / name).resolve()) if name else "" for name in (spec.path, spec.library)
     )
     reading = spec.read_as
     if reading.table is not None:

@@ -143,8 +143,8 @@ class RowStore:
             remove_leftovers(target)
         for file in files:
             rows = _frame(file, [*KEY, "error"])
-            kept = rows.filter(pl.col("error").is_null())  # a run that failed is tried again
-            self.done |= set(kept.select(KEY).iter_rows())
+            valid_rows = rows.filter(pl.col("error").is_null())  # a run that failed is tried again
+            self.done |= set(valid_rows.select(KEY).iter_rows())
         self._number = max((int(file.stem) for file in files), default=-1) + 1
 
     def files(self) -> list[Path]:

@@ -78,7 +78,7 @@ def run_job(job: Job) -> list[Row]:
     try:
         drive = open_drive(job.spec, job.seed)
     except Exception as problem:  # here and below: one run that fails is a row, and the others go on
-        return [_failed(asked, job.spec, problem) for asked in job.asked]
+        return [_failed(run, job.spec, problem) for run in job.asked]
     rows, again = _rows(job, drive)
     if again:
         rows |= _rows(job, drive, numbers=again)[0]
@@ -112,11 +112,11 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
         about_runs["right_m"] = stepper.localizer.radii.right_m
         about_runs |= _about_filter(job.asked[stepper.numbers[0]])
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
-            asked = job.asked[number]
-            about = _about(asked, job.spec) | {"arena": drive.arena, "oracle_m": oracle}
+            run = job.asked[number]
+            about = _about(run, job.spec) | {"arena": drive.arena, "oracle_m": oracle}
             rows[number] = about | figures.row() | about_runs
             if figures.failed:
-                lost[number] = replace(stepper.localizer, seed=asked.seed), figures.tracks
+                lost[number] = replace(stepper.localizer, seed=run.seed), figures.tracks
     for number, cause in _causes(drive, lost):
         rows[number]["failure"] = cause
     return rows, again
@@ -163,14 +163,14 @@ def _begun(
     """Initialize runs, those of one filter together where batches know it; yield them, or why one failed."""
     alike: dict[str, list[tuple[int, Localizer]]] = {}
     for number in numbers:
-        asked = job.asked[number]
+        run = job.asked[number]
         try:
-            localizer = filter_for(drive, asked.settings, asked.seed)
+            localizer = filter_for(drive, run.settings, run.seed)
         except Exception as problem:
             yield number, problem
             continue
-        batched = together and can_batch(localizer) and asked.settings.get("control") != SHUFFLED
-        key = repr(sorted(asked.settings.items())) if batched else str(number)
+        batched = together and can_batch(localizer) and run.settings.get("control") != SHUFFLED
+        key = repr(sorted(run.settings.items())) if batched else str(number)
         alike.setdefault(key, []).append((number, localizer))
     arena = drive.bench.library.arena
     for pairs in alike.values():
@@ -271,8 +271,8 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
             users.setdefault(spec.drive, []).append((part, spec.label))
     for spec, seeds in _drives(users, done):
         waiting: list[TrialRun] = []
-        for asked in (trial for trial in _asked(users[spec], seeds) if trial.key not in done):
-            waiting.append(asked)
+        for trial_run in (trial for trial in _asked(users[spec], seeds) if trial.key not in done):
+            waiting.append(trial_run)
             if len(waiting) == most:
                 yield _job(spec, seeds[0], waiting)
                 waiting = []
@@ -294,8 +294,8 @@ def _drives(
     count = {spec: max(part.seeds for part, _ in parts) for spec, parts in users.items()}
     for spec in users:
         if spec.path:
-            asked = ((seed, _asked(users[spec], (seed,))) for seed in range(count[spec]))
-            left = deque(seed for seed, runs in asked if any(run.key not in done for run in runs))
+            runs_of_seeds = ((seed, _asked(users[spec], (seed,))) for seed in range(count[spec]))
+            left = deque(seed for seed, runs in runs_of_seeds if any(run.key not in done for run in runs))
             alike = 1 if spec.stretch else FEWEST_SEEDS  # runs over one drive
             while left:
                 yield spec, [left.popleft() for _ in range(min(alike, len(left)))]

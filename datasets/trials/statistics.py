@@ -73,8 +73,8 @@ class Clusters:
         """
         levels = [np.zeros(len(places), np.int64)]
         for labels in (places, drives, runs):
-            given = np.arange(len(places)) if labels is None else np.asarray(labels)
-            own = np.unique(given, return_inverse=True)[1]
+            names = np.arange(len(places)) if labels is None else np.asarray(labels)
+            own = np.unique(names, return_inverse=True)[1]
             both = np.stack([levels[-1], own], axis=1)
             levels.append(np.unique(both, axis=0, return_inverse=True)[1].ravel())
         return cls(*levels[1:])

@@ -261,10 +261,12 @@ def paired(
     whole = {"label", "variant"} & set(columns)  # these say already which settings a run has
     other = [] if whole else [name for name in _varied(rows) if name not in columns]
     same = ["part", "session", "seed", *other]
-    kept = rows.filter(pl.col("error").is_null() & pl.col(TIMES.get(metric, metric)).is_not_null())
-    kept = kept.select(*dict.fromkeys([*columns, *same, "arena"]), _limited(metric))
+    valid_rows = rows.filter(pl.col("error").is_null() & pl.col(TIMES.get(metric, metric)).is_not_null())
+    valid_rows = valid_rows.select(*dict.fromkeys([*columns, *same, "arena"]), _limited(metric))
     parts = (
-        [(values, some) for values, some in kept.group_by(columns, maintain_order=True)] if columns else []
+        [(values, some) for values, some in valid_rows.group_by(columns, maintain_order=True)]
+        if columns
+        else []
     )
     differences = []
     for (first_values, first), (values, some) in combinations(parts, 2):

@@ -212,25 +212,25 @@ def _plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
 
 def solid_boxes(plan: WorldPlan, openings: tuple[Opening, ...]) -> list[Box]:
     """Return walls, floor and ceilings as boxes, so that light stays inside and corners darken."""
-    found: dict[Solid, None] = {}
+    solids: dict[Solid, None] = {}
     for room in plan.rooms:
         for name in SIDES:
             wall, doors = wall_of(room, name), doors_in(room, name, openings)
             for a, b in rest_of(wall, [where for _, where in doors]):
-                found[_behind(room, name, (a, b), (0, room.height_in))] = None
+                solids[_behind(room, name, (a, b), (0, room.height_in))] = None
             for opening, where in doors:
                 if opening.top_in < room.height_in:
-                    found[_behind(room, name, where, (opening.top_in, room.height_in))] = None
+                    solids[_behind(room, name, where, (opening.top_in, room.height_in))] = None
     x1, y1, x2, y2 = bounds_of(plan)
     middle = ((x1 + x2) / 2, (y1 + y2) / 2)
-    found[Solid(*middle, -4, x2 - x1, y2 - y1, 4)] = None
+    solids[Solid(*middle, -4, x2 - x1, y2 - y1, 4)] = None
     if len({room.height_in for room in plan.rooms}) == 1:
-        found[Solid(*middle, plan.rooms[0].height_in, x2 - x1, y2 - y1, 4)] = None
+        solids[Solid(*middle, plan.rooms[0].height_in, x2 - x1, y2 - y1, 4)] = None
     else:
         for room in plan.rooms:
             x1, y1, x2, y2 = room.rect
-            found[Solid((x1 + x2) / 2, (y1 + y2) / 2, room.height_in, x2 - x1, y2 - y1, 4)] = None
-    return [box_of(solid) for solid in found]
+            solids[Solid((x1 + x2) / 2, (y1 + y2) / 2, room.height_in, x2 - x1, y2 - y1, 4)] = None
+    return [box_of(solid) for solid in solids]
 
 
 def _behind(room: RoomPlan, name: str, where: tuple[float, float], heights: tuple[float, float]) -> Solid:

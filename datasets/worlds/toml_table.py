@@ -114,8 +114,8 @@ class Table:
         """Check one number, and bring it to inches or radians by `unit`."""
         if isinstance(value, str):
             self.fail(key, f"found {value!r:.60}, expected a number")
-        given: float = self.checked(key, number(low / unit, high / unit), value)
-        return given * unit
+        amount: float = self.checked(key, number(low / unit, high / unit), value)
+        return amount * unit
 
     def drawn(
         self, key: str, value: object, unit: float = 1.0, low: float = -FARTHEST, high: float = FARTHEST
