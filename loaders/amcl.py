@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
 from pathlib import Path
 from statistics import NormalDist
@@ -125,13 +125,13 @@ def read_amcl(file: Path, robot: Collection[str] = ()) -> AmclParameters:
 
     Of several robots' those of `robot` are read: names of topics and frames, such as robot1/scan.
     """
-    given, several = _parameters(file, robot)
-    usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
-    if _belugas(given):
+    parameters, several = _parameters(file, robot)
+    usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in parameters) else {}
+    if _belugas(parameters):
         usual = _BELUGAS_DEFAULTS
-    named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
+    named = {**usual, **{_ALIASES.get(name, name): value for name, value in parameters.items()}}
     try:
-        meaning = _meaning(named, given, [several] if several else [])
+        meaning = _meaning(named, parameters, [several] if several else [])
         for key, value in meaning.settings.items():
             RULES[key](_NAMES.get(key, key.rsplit(".", 1)[-1]), value)
     except ValueError as problem:
@@ -170,7 +170,7 @@ def _of_robot(sections: Mapping[str, Section], robot: Set[str]) -> tuple[str, st
 def _namespaces(names: Iterable[Any]) -> Set[str]:
     """Return what stands before the last part of names, such as robot1 of the topic /robot1/scan."""
     parts = (name.strip("/").split("/")[:-1] for name in names if isinstance(name, str))
-    return {part for one in parts for part in one if part.strip("*")}
+    return {part for path in parts for part in path if part.strip("*")}
 
 
 def _nested(given: Section) -> Section:
@@ -201,7 +201,7 @@ def _below(name: str, key: Any) -> str:
     return name if key == "ros__parameters" else f"{name}/{str(key).strip('/')}"
 
 
-def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> AmclParameters:
+def _meaning(given: Mapping[str, Any], written: Section, remarks: Iterable[str]) -> AmclParameters:
     """Return what parameters mean; `written` has the names of the file. FieldError."""
 
     def size(name: str) -> float:
@@ -241,6 +241,16 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
     elif (pose := given["initial_pose"]).keys() & {"covariance_x", "covariance_yaw"}:  # Beluga's has one
         for name, key in (("covariance_x", "start.sd_m"), ("covariance_yaw", "start.heading_sd_rad")):
             settings[key] = math.sqrt(max(number(pose.get(name, 0.0), f"initial_pose.{name}"), 0.0))
+    remarks = (*remarks, *_remarks(given, written, belugas))
+    gates = size("update_min_d"), size("update_min_a")
+    if min(gates) <= 0:  # every scan passes one of them
+        gates = 0.0, 0.0
+    return AmclParameters(settings, *gates, start, remarks)
+
+
+def _remarks(given: Mapping[str, Any], written: Section, belugas: Sequence[str]) -> list[str]:
+    """Return what a user should know of a file: what is not AMCL's, without effect, or other than in AMCL."""
+    remarks = []
     if belugas:
         names = ", ".join(belugas[:3])
         remarks.append(f"Beluga's models, as {names} {'is' if len(belugas) == 1 else 'are'} Beluga's own")
@@ -262,10 +272,7 @@ def _meaning(given: Mapping[str, Any], written: Section, remarks: list[str]) -> 
         remarks.append(
             f"ROS 1's {model} takes variances as standard deviations; here it is {model}-corrected"
         )
-    gates = size("update_min_d"), size("update_min_a")
-    if min(gates) <= 0:  # every scan passes one of them
-        gates = 0.0, 0.0
-    return AmclParameters(settings, *gates, start, tuple(remarks))
+    return remarks
 
 
 def _model(given: Mapping[str, Any]) -> str:

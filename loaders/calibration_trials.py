@@ -57,8 +57,8 @@ def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[tup
         measured, actual = (number_in(file, line, row[name], name) * unit for name in ("measured", "actual"))
         if measured == 0:
             raise InputError(file, "found measured 0, expected a movement", line)
-        given = (row.get("heading_error_deg") or "").strip()
-        drift = math.radians(number_in(file, line, given, "heading_error_deg")) if given else math.nan
+        error = (row.get("heading_error_deg") or "").strip()
+        drift = math.radians(number_in(file, line, error, "heading_error_deg")) if error else math.nan
         yield (measured, actual, *([drift] if straight else [])), (row.get("floor") or "").strip()
 
 

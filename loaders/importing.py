@@ -144,10 +144,7 @@ def import_pictures(
     poses = np.array([row.pose for row in rows])
     check_span(poses_csv, poses[:, :2])
     guard_m = fitted_m(GUARD_M, poses[:, :2])
-    split = split_rows(poses, every, guard_m)
-    if not split.library:
-        advice = "give fewer runs to the session (--every)"
-        raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
+    split = _split(poses_csv, poses, every, guard_m)
     info = _info(poses, every, guard_m, named=table.table, timed=table.has_times)
     if map_lines:
         info = replace(info, arena=read_map(map_lines, map_unit, poses))
@@ -176,6 +173,15 @@ def import_pictures(
         notes=drive.info.notes,
         warnings=tuple(_too_few(split, every, guard_m)),
     )
+
+
+def _split(poses_csv: Path, poses: F64, every: int, guard_m: float) -> Split:
+    """Divide rows into the session's and the library's; InputError where the library gets none."""
+    split = split_rows(poses, every, guard_m)
+    if not split.library:
+        advice = "give fewer runs to the session (--every)"
+        raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
+    return split
 
 
 def _too_few(split: Split, every: int, guard_m: float) -> Iterator[str]:

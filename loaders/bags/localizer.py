@@ -101,11 +101,11 @@ class GivenPoseReader(OneTopic):
 
 def covariance_of(message: Any, plane: Plane) -> F64:
     """Return the covariance (3, 3) of x_m, y_m and heading_rad; zeros for a message without one."""
-    given = getattr(getattr(message, "pose", None), "covariance", None)
-    if given is None:
+    entries = getattr(getattr(message, "pose", None), "covariance", None)
+    if entries is None:
         return np.zeros((3, 3))
     turned = np.kron(np.eye(2), plane.turned)
-    covariance: F64 = turned @ np.asarray(given, np.float64).reshape(6, 6) @ turned.T
+    covariance: F64 = turned @ np.asarray(entries, np.float64).reshape(6, 6) @ turned.T
     return covariance[np.ix_(PLANAR, PLANAR)]
 
 

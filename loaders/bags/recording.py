@@ -119,7 +119,7 @@ class BagRecording:
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
             seen = self.chosen.scan or self.chosen.image or ""
-            given = start_topics(bag, seen) if first.get(seen) else []
+            topics_of_start = start_topics(bag, seen) if first.get(seen) else []
             maps = [topic for topic in map_topics(bag.topics)[:1] if topic.count > 1 and self.chosen.scan]
             maps_said = "".join(f"its map is the last of {topic.count} at {topic.name}" for topic in maps)
             truth = self.chosen.truth
@@ -127,10 +127,10 @@ class BagRecording:
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
-            own |= {topic.name for topic in given}
+            own |= {topic.name for topic in topics_of_start}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
-        first_ns = first[seen][0][1] if given else 0
-        start, begins = start_in(path, open_bag, given, self.chosen.odometry, first_ns)
+        first_ns = first[seen][0][1] if topics_of_start else 0
+        start, begins = start_in(path, open_bag, topics_of_start, self.chosen.odometry, first_ns)
         self._twist, moved = False, self.chosen.odometry
         if moved is not None and moved.frames is None and not (self._motions or header):
             speed = speed_of_still_poses(open_bag, path, moved.topic)
@@ -292,10 +292,12 @@ def start_in(
             way_m += float(np.hypot(*(moved - before)[:2]))
         elif isinstance(record, TruthPose):
             left, after_s = left - 1, record.t_s - first_ns / 1e9
-            told = f"{given[0].name} is at {pose_in_words(record.pose)}"
+            start_words = f"{given[0].name} is at {pose_in_words(record.pose)}"
             if way_m <= START_WITHIN_M if odometry else after_s <= START_WITHIN_S:
-                start, remark = compose(record.pose, inverse(moved)), f"the drive starts where {told}"
-            remark = remark or f"{told}, and came {after_s:.0f} s after the start; --start begins there"
+                start, remark = compose(record.pose, inverse(moved)), f"the drive starts where {start_words}"
+            remark = (
+                remark or f"{start_words}, and came {after_s:.0f} s after the start; --start begins there"
+            )
         if not left or (start is not None and way_m > START_WITHIN_M):
             break
     return start, remark

@@ -102,11 +102,11 @@ def _ends(message: Any) -> str:
     if not (hasattr(message, "angle_max") and len(message.ranges)):
         return ""
     step, count = float(message.angle_increment), len(message.ranges)
-    told, last = float(message.angle_max), float(message.angle_min) + step * (count - 1)
-    if abs(last - told) <= END_STEPS * abs(step):
+    header_end, last_beam = float(message.angle_max), float(message.angle_min) + step * (count - 1)
+    if abs(last_beam - header_end) <= END_STEPS * abs(step):
         return ""
-    ends = f"its {count} beams end at {math.degrees(last):.0f} deg by angle_increment, which is used"
-    return f"; {ends}, and at {math.degrees(told):.0f} deg by angle_max"
+    ends = f"its {count} beams end at {math.degrees(last_beam):.0f} deg by angle_increment, which is used"
+    return f"; {ends}, and at {math.degrees(header_end):.0f} deg by angle_max"
 
 
 def placed(tree: FrameTree, frame: str, robot: str = "") -> tuple[F64, str]:

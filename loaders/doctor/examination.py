@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -197,27 +197,21 @@ def examine(
     clocks = clocks_apart(seen, movement_s) or truth_apart(seen)
     checks, without = ["times"], list[str]()
     known = [*_about_reading(gathered), *doubtful, *units, *clocks]
-    if (made := made_odometry(gathered.info, options)) and drive.odometry.size:
-        without.append(f"odometry: {made}")
+    if (how_made := made_odometry(gathered.info, options)) and drive.odometry.size:
+        without.append(f"odometry: {how_made}")
     else:
         known += _about_odometry(drive, movement_s, checks, without)
     if scans.size:
         there = None if library is None else library.occupancy
-        scans, about_scans, asked = examine_scans(scans, seen, options.max_dt_s)
-        known, checks = [*known, *about_scans], [*checks, asked]
+        scans, about_scans, check = examine_scans(scans, seen, options.max_dt_s)
+        known, checks = [*known, *about_scans], [*checks, check]
         if there is not None:
             about_map, on_map = examine_map(scans, seen, there, about_scans)
             known, checks = [*known, *about_map], [*checks, *on_map]
         without += ["the map: none was given"] if there is None else []
-    if not len(drive.picture_t_s):
-        without += [] if gathered.scans.size else ["pictures: there are none"]
-    elif library is None or library.is_map:
-        without.append("pictures: no library was given")
-    elif drive.truth.size < 2:
-        without.append("pictures: no truth tells where they are from")
-    elif any(finding.code in WRONG_TRUTH for finding in known):
-        without.append("pictures: the truth has to be put right first")
-    else:
+    if obstacle := _why_no_pictures(drive, library, known):
+        without += [] if not len(drive.picture_t_s) and gathered.scans.size else [f"pictures: {obstacle}"]
+    elif library is not None:
         looks = look(path, options, library, gathered.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
         places = len(np.unique(places_seen(looks, drive.truth)))
@@ -235,6 +229,19 @@ def examine(
     name, shown_in = gathered.info.name, gathered.info.display_units
     remarks = gathered.warnings
     return Examination(path, name, *counts, gathered.cut, remarks, *answers, fixed, shown_in, scans.size)
+
+
+def _why_no_pictures(drive: RecordedDrive, library: Library | None, known: Sequence[Finding]) -> str:
+    """Return why pictures are not compared with the library, or nothing."""
+    if not len(drive.picture_t_s):
+        return "there are none"
+    if library is None or library.is_map:
+        return "no library was given"
+    if drive.truth.size < 2:
+        return "no truth tells where they are from"
+    if any(finding.code in WRONG_TRUTH for finding in known):
+        return "the truth has to be put right first"
+    return ""
 
 
 def _about_odometry(

@@ -102,8 +102,8 @@ def gather(path: Path, options: Reading) -> Gathered:
     drive = gathering.drive(max(info.arena.size_m) if info.arena else math.inf, _gain(path, info))
     first = str(notes.problems[0]) if notes.problems else ""
     remarks = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    told = (gathering.falls, notes.count, first, gathering.cut, remarks, notes.tilts)
-    return Gathered(info, drive, *told, gathering.scans)
+    remainder = (gathering.falls, notes.count, first, gathering.cut, remarks, notes.tilts)
+    return Gathered(info, drive, *remainder, gathering.scans)
 
 
 def _gain(path: Path, info: SessionInfo) -> float:

@@ -53,11 +53,11 @@ class ScansAtTruth:
         chosen = known[np.unique(np.linspace(0, len(known) - 1, most).round().astype(int))]
         fits = ScanFits(occupancy, np.zeros((1, 3)))
         read = [(fits.read(scans.scans[k]), k) for k in chosen]
-        told = [(reading, k) for reading, k in read if reading is not None]
-        if len(told) < FEWEST_PAIRS:
+        pairs = [(reading, k) for reading, k in read if reading is not None]
+        if len(pairs) < FEWEST_PAIRS:
             return None
-        poses = poses_at(scans.t_s[[k for _, k in told]], *truth)
-        return cls(occupancy, fits, tuple(reading for reading, _ in told), poses)
+        poses = poses_at(scans.t_s[[k for _, k in pairs]], *truth)
+        return cls(occupancy, fits, tuple(reading for reading, _ in pairs), poses)
 
     def laser_elsewhere(self) -> list[Finding]:
         """Return where the laser is on the robot, by how scans lie on the map at poses of many headings.

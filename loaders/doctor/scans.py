@@ -58,7 +58,7 @@ def examine_scans(
 
     Pictures take scans within `near_s`.
     """
-    findings, asked = _truth_is_odometry(drive), f"{scans.size} scans"
+    findings, check = _truth_is_odometry(drive), f"{scans.size} scans"
     findings += _unused(scans, drive, near_s)
     paths = [path for path in (truth_path(drive), _odometry_path(drive)) if path is not None]
     for body in _own_body(scans, *paths[0]) if paths else ():
@@ -66,10 +66,10 @@ def examine_scans(
         scans = replace(scans, scans=tuple(replace(s, min_m=body.numbers["range_m"]) for s in scans.scans))
     pairs = _pairs(scans, *paths[0]) if paths else []
     if len(pairs) >= FEWEST_PAIRS:
-        asked += f", {len(pairs)} pairs of them against each other"
+        check += f", {len(pairs)} pairs of them against each other"
         mount = _mounts(pairs) or _elsewhere(pairs)
         findings += mount or _late(scans, *paths[-1])
-    return scans, findings, asked
+    return scans, findings, check
 
 
 Path = tuple[F64, F64]  # times (K,) and poses (K, 3)
@@ -262,10 +262,10 @@ def _truth_is_odometry(drive: RecordedDrive) -> list[Finding]:
     chosen = drive.truth.t_s[(drive.truth.t_s >= t_s[0]) & (drive.truth.t_s <= t_s[-1])]
     if len(chosen) < FEWEST_PAIRS:
         return []
-    told, true = poses_at(chosen, t_s, poses), poses_at(chosen, drive.truth.t_s, drive.truth.poses)
-    off = np.array([motion_between(a, b) for a, b in pairwise(told)])
-    off -= np.array([motion_between(a, b) for a, b in pairwise(true)])
-    moved = np.hypot(*np.diff(true[:, :2], axis=0).T) > 0.01
+    odometry, truth = poses_at(chosen, t_s, poses), poses_at(chosen, drive.truth.t_s, drive.truth.poses)
+    off = np.array([motion_between(a, b) for a, b in pairwise(odometry)])
+    off -= np.array([motion_between(a, b) for a, b in pairwise(truth)])
+    moved = np.hypot(*np.diff(truth[:, :2], axis=0).T) > 0.01
     equal = (np.hypot(*off[:, :2].T) < EQUAL_M) & (np.abs(wrap_angle(off[:, 2])) < EQUAL_RAD)
     if moved.sum() < FEWEST_PAIRS or equal[moved].mean() < EQUAL_SHARE:
         return []

@@ -41,8 +41,8 @@ def examine_map(
         check = f"{len(there.poses)} scans against the map at true poses ({agree:.0%} of the beams agree)"
         if otherwise or (agree >= AGREE_WELL and not elsewhere):
             return otherwise or changed, [check]
-    found, check = _searched(scans, occupancy, truth, mirrored="scan-mirrored" in codes)
-    return [*elsewhere, *found], [check]
+    findings, check = _searched(scans, occupancy, truth, mirrored="scan-mirrored" in codes)
+    return [*elsewhere, *findings], [check]
 
 
 def _searched(

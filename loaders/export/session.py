@@ -119,15 +119,15 @@ def convert_to_log(
     check_target(pictures, kind_of, force=force)
     with scratch_folder(file) as folder, writing(file):
         (folder / pictures.name).mkdir()
-        info, done = beside(session.info, file), Converted()
+        info, converted = beside(session.info, file), Converted()
         with SessionWriter(folder / file.name, info) as log:
             for moment in session.moments():
                 name = f"{pictures.name}/{moment.frame.step:05d}.{'jpg' if kind == 'jpeg' else 'png'}"
                 (folder / name).write_bytes(encode_picture(moment.frame.image, kind))
-                _write_moment(log, moment, name, begin_s, first=not done.pictures)
-                done.count(moment)
-                yield done
-        if not done.pictures:
+                _write_moment(log, moment, name, begin_s, first=not converted.pictures)
+                converted.count(moment)
+                yield converted
+        if not converted.pictures:
             wanted = "expected some; is it the right camera or topic?"
             raise InputError(file, f"found no picture to write, {wanted}")
         if pictures.is_dir():
@@ -196,7 +196,7 @@ def records_to_log(
 
     Odometry poses become motions, but beside scans, which are between poses.
     """
-    done, poses = Converted(), observed_in(recording).scans
+    converted, poses = Converted(), observed_in(recording).scans
     before: F64 | None = None  # the last pose (3,) of the odometry
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -212,9 +212,11 @@ def records_to_log(
                     record = replace(record, encoders_m=None)
                 if not isinstance(record, Picture | LeftOut):
                     log.add(record)
-                    done.add(record)
-                yield done
-        if not (done.motions or done.truths or done.events or done.readings or done.scans):
+                    converted.add(record)
+                yield converted
+        if not (
+            converted.motions or converted.truths or converted.events or converted.readings or converted.scans
+        ):
             raise InputError(recording.path, NOTHING)
 
 

@@ -80,9 +80,9 @@ TEXTS = ("events", "session_events")  # lists in a saved run; one text here
 def table_columns(channels: Sequence[str]) -> dict[str, type]:
     """Return names and Python types of the columns, for a run with these channels."""
     kinds = {pl.Int32: int, pl.Float64: float, pl.String: str}
-    kept = {name: kinds[kind] for name, kind in steps_schema(channels).items() if name not in LEFT_OUT}
+    columns = {name: kinds[kind] for name, kind in steps_schema(channels).items() if name not in LEFT_OUT}
     odometry = {f"odometry_{name}": float for name in ("x_m", "y_m", "heading_rad")}
-    return kept | odometry | dict.fromkeys(TEXTS, str)
+    return columns | odometry | dict.fromkeys(TEXTS, str)
 
 
 def table_row(step: ExportStep) -> dict[str, Any]:

@@ -39,8 +39,8 @@ def encode_jpeg(image_rgb: U8) -> bytes:
     """Encode an RGB image (H, W, 3) as JPEG, quality 95, 4:4:4."""
     if image_rgb.dtype != np.uint8 or image_rgb.ndim != 3 or image_rgb.shape[2] != 3:
         raise ValueError(f"a picture is uint8 (H, W, 3), found {image_rgb.dtype} {image_rgb.shape}")
-    done, data = cv2.imencode(".jpg", cv2.cvtColor(image_rgb, cv2.COLOR_RGB2BGR), list(JPEG_OPTIONS))
-    if not done:
+    success, data = cv2.imencode(".jpg", cv2.cvtColor(image_rgb, cv2.COLOR_RGB2BGR), list(JPEG_OPTIONS))
+    if not success:
         raise ValueError(f"a picture of {image_rgb.shape} cannot be written as JPEG")
     return data.tobytes()
 
@@ -49,8 +49,8 @@ def encode_picture(image: U8, kind: PictureKind) -> bytes:
     """Encode an RGB picture (H, W, 3): PNG without any loss, or JPEG of quality 95, 4:4:4."""
     if kind == "jpeg":
         return encode_jpeg(image)
-    done, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    if not done:
+    success, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    if not success:
         raise ValueError(f"a picture of {image.shape} cannot be written as PNG")
     return data.tobytes()
 

@@ -166,8 +166,8 @@ class _Shades:
         """Return whether what map_saver wrote as unknown would be free by its own threshold."""
         saved = np.zeros(2**16, np.bool_)
         saved[list(SAVED)] = True
-        asked = self.mode == "trinary" and not self.negate and self.free == MISREAD
-        return asked and image.dtype == np.uint8 and bool(saved[image].all())
+        doubtful = self.mode == "trinary" and not self.negate and self.free == MISREAD
+        return doubtful and image.dtype == np.uint8 and bool(saved[image].all())
 
     def states(self, shades: F64) -> U8:
         """Return the states of shades, 0 black to 1 white."""

@@ -83,7 +83,7 @@ class CarmenRecording:
     def info(self) -> SessionInfo:
         """What is known before the first record; notes say what truth and odometry are worth."""
         facts = self._facts
-        told = {
+        remarks = {
             ESTIMATED: facts.truth in LASERS,
             REPEATED: facts.repeats and not self.options.odometry_from_truth,
             facts.untimed: bool(facts.untimed),
@@ -91,7 +91,7 @@ class CarmenRecording:
                 facts.ahead_m != 0
             ),
         }
-        notes = tuple(note for note, holds in told.items() if holds)
+        notes = tuple(note for note, holds in remarks.items() if holds)
         return SessionInfo(self.path.name.removesuffix(".gz").removesuffix(".log"), notes=notes)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:

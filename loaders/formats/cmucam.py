@@ -193,15 +193,15 @@ def _found(file: Path) -> Iterator[Found]:
     """Find the frames of a file, a piece at a time; positions are the file's."""
     try:
         with file.open("rb") as source:
-            held, start = b"", 0
+            buffer, start = b"", 0
             while chunk := source.read(CHUNK_BYTES):
-                held, used = held + chunk, 0
-                for frame in frames(held, last=False):
+                buffer, used = buffer + chunk, 0
+                for frame in frames(buffer, last=False):
                     yield Found(start + frame.begin, start + frame.end, frame.fault)
                     used = frame.end
-                keep = min(len(held), max(used, len(held) - MOST_BYTES))
-                held, start = held[keep:], start + keep
-            for frame in frames(held):
+                keep = min(len(buffer), max(used, len(buffer) - MOST_BYTES))
+                buffer, start = buffer[keep:], start + keep
+            for frame in frames(buffer):
                 yield Found(start + frame.begin, start + frame.end, frame.fault)
     except OSError as problem:
         raise InputError(file, f"cannot be read: {problem.strerror}") from None

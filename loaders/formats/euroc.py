@@ -54,7 +54,7 @@ def yaw_on_body(camera_to_body: F64, poses: PoseFile) -> float:
 
 def _lists(text: str) -> dict[str, list[float]]:
     """Find the lists of numbers by their names; the first `data` after T_BS is its."""
-    found: dict[str, list[float]] = {}
+    lists: dict[str, list[float]] = {}
     inside = ""
     for name, values in _LISTS.findall(text):
         if name == "T_BS":
@@ -65,8 +65,8 @@ def _lists(text: str) -> dict[str, list[float]]:
         except ValueError:
             continue
         if numbers and np.isfinite(numbers).all() and key:
-            found.setdefault(key, numbers)
-    return found
+            lists.setdefault(key, numbers)
+    return lists
 
 
 TRUTHS = ("state_groundtruth_estimate0", "groundtruth", "gt", "vicon", "mocap", "leica")  # best first

@@ -257,14 +257,14 @@ def _with_ending(folder: Path, name: Path) -> str:
 
 
 def _opengl_pose(file: Path, frame: dict[str, Any]) -> F64:
-    given = frame.get("transform_matrix")
+    entry = frame.get("transform_matrix")
     try:
-        listed = given if isinstance(given, list) else [given]
+        listed = entry if isinstance(entry, list) else [entry]
         matrix = np.array([numbers(row, 4, "a row of transform_matrix", MOST) for row in listed])
     except FieldError as problem:
         raise InputError(file, f"{frame.get('file_path')}: {problem}") from None
     if matrix.shape not in ((3, 4), (4, 4)):
-        raise InputError(file, f"{frame.get('file_path')}: found {show(given)}, expected a matrix of 4 x 4")
+        raise InputError(file, f"{frame.get('file_path')}: found {show(entry)}, expected a matrix of 4 x 4")
     whole = np.vstack([matrix[:3], [0.0, 0.0, 0.0, 1.0]])
     return whole @ OPENGL
 

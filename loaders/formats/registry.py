@@ -114,8 +114,8 @@ def guess(path: Path) -> Format:
     if form is None:
         if kind_of(path) is not None:
             raise unlike(path, RECORDING)
-        found, names = describe(path), ", ".join(formats())
-        raise InputError(path, f"found {found}, expected one of {names}; see --reading format=...")
+        description, names = describe(path), ", ".join(formats())
+        raise InputError(path, f"found {description}, expected one of {names}; see --reading format=...")
     return form
 
 

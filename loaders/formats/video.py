@@ -56,8 +56,8 @@ class Frames:
             self._reader, self._at = _opened(self.path), -1
         while self._at < number and self._reader.grab():
             self._at += 1
-        done, image = self._reader.retrieve() if self._at == number else (False, None)
-        if not done or image is None:
+        success, image = self._reader.retrieve() if self._at == number else (False, None)
+        if not success or image is None:
             raise PictureError(f"found no frame {number} in {self.path.name} that can be decoded")
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
 

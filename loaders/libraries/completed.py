@@ -45,21 +45,21 @@ def completed(
     one name that are not the same.
     """
     library = with_channels(configurations, library, progress)
-    asked = [configuration.parameters.sensor.weights for configuration in configurations]
+    weights_of_runs = [configuration.parameters.sensor.weights for configuration in configurations]
     cameras = () if info is None else info.cameras
     camera = library.camera or (cameras[0] if cameras else None)
     whole = library
-    if any("landmarks" in weights for weights in asked):
+    if any("landmarks" in weights for weights in weights_of_runs):
         from .landmarks import with_landmarks
 
         whole = with_landmarks(whole, camera=camera, progress=progress, warn=warn)
-    if any("keypoints" in weights for weights in asked):
+    if any("keypoints" in weights for weights in weights_of_runs):
         from .keypoints import with_keypoints
 
         whole = with_keypoints(whole, progress, warn)
     libraries = {frozenset(library.sensors): library, frozenset(whole.sensors): whole}
     each = list[Library]()
-    for weights in asked:
+    for weights in weights_of_runs:
         names = frozenset(name for name in whole.sensors if name in library.sensors or name in weights)
         if names not in libraries:
             libraries[names] = replace(library, sensors={name: whole.sensors[name] for name in names})

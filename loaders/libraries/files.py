@@ -133,13 +133,13 @@ def _write_entries(library: Library, folder: Path) -> None:
     (folder / "pictures").mkdir()
     names: list[str | None] = []
     for number, picture in enumerate(library.pictures):
-        kept = None if picture is None else f"pictures/{number:05d}{picture.suffix.lower()}"
-        if picture is not None and kept is not None:
+        name = None if picture is None else f"pictures/{number:05d}{picture.suffix.lower()}"
+        if picture is not None and name is not None:
             try:
-                shutil.copyfile(picture, folder / kept)
+                shutil.copyfile(picture, folder / name)
             except OSError as problem:
                 raise InputError(picture, f"cannot be copied into the library: {problem.strerror}") from None
-        names.append(kept)
+        names.append(name)
     import polars as pl
 
     columns = {key: library.poses[:, k] for k, key in enumerate(("x_m", "y_m", "heading_rad"))}
@@ -249,8 +249,8 @@ def _columns(file: Path) -> str:
 def _pictures_in(folder: Path) -> set[str]:
     """Return the names of the pictures that are there; asking for them one by one takes ten times as long."""
     try:
-        with os.scandir(folder / "pictures") as found:
-            return {f"pictures/{entry.name}" for entry in found if entry.is_file()}
+        with os.scandir(folder / "pictures") as entries:
+            return {f"pictures/{entry.name}" for entry in entries if entry.is_file()}
     except OSError:
         return set()
 

@@ -36,15 +36,15 @@ def with_keypoints(
     """
     if KEYPOINTS in library.sensors:
         return library
-    kept = cache_root() / KEYPOINTS / f"{key_of(library, VERSION)}.npz"
-    arrays = read_arrays(kept)
+    cache = cache_root() / KEYPOINTS / f"{key_of(library, VERSION)}.npz"
+    arrays = read_arrays(cache)
     try:
         matches = None if arrays is None else KeypointMatches.from_arrays(arrays)
     except (KeyError, ValueError):  # damaged: it is only a cache
         matches = None
     if matches is None:
         matches = _found(library, progress or (lambda done, total, what: None))
-        write_arrays(kept, matches.to_arrays())
+        write_arrays(cache, matches.to_arrays())
     if warn is not None and not len(matches.pixels):
         warn(f"the library {library.name!r} has no pictures with keypoints: no reference is verified")
     return replace(library, sensors={**library.sensors, KEYPOINTS: matches})
@@ -56,7 +56,7 @@ def _found(library: Library, progress: NamedProgress) -> KeypointMatches:
         return keypoints_of(NO_PICTURE if image is None else reduced(image))
 
     keypoints = []
-    for done, points in enumerate(on_all_cores(look, range(library.size)), 1):
+    for count, points in enumerate(on_all_cores(look, range(library.size)), 1):
         keypoints.append(points)
-        progress(done, library.size, KEYPOINTS)
+        progress(count, library.size, KEYPOINTS)
     return KeypointMatches.of(library.poses, keypoints)

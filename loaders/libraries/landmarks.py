@@ -48,8 +48,8 @@ def with_landmarks(
     if LANDMARKS in library.sensors:
         return library
     known = camera or library.camera
-    kept = cache_root() / LANDMARKS / f"{_key(library, known)}.npz"
-    landmarks = _from_cache(kept)
+    cache = cache_root() / LANDMARKS / f"{_key(library, known)}.npz"
+    landmarks = _from_cache(cache)
     if landmarks is None:
         # SciPy's sparse matrices: what is kept does not wait for them
         from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
@@ -60,7 +60,7 @@ def with_landmarks(
                 warn(f"the library {library.name!r} has no landmarks: {built.reason}")
             return library
         landmarks = built
-        write_arrays(kept, landmarks.to_arrays())
+        write_arrays(cache, landmarks.to_arrays())
     if warn and landmarks.map.fit.focal_assumed:
         view_deg = np.degrees(landmarks.map.fit.camera.view_rad)
         unknown = (

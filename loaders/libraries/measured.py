@@ -71,8 +71,11 @@ class MeasuredPictures:
     def find(self, image: U8, channels: Iterable[str]) -> dict[str, F32]:
         """Return the descriptors of a picture (H, W, 3) that are known, by channel."""
         names = {self._name(image, channel_checksum(channel)): channel for channel in _worth(channels)}
-        kept = self._kept(list(names)) if names else {}
-        return {names[name]: np.frombuffer(held, "<f4").astype(np.float32) for name, held in kept.items()}
+        contents = self._kept(list(names)) if names else {}
+        return {
+            names[name]: np.frombuffer(content, "<f4").astype(np.float32)
+            for name, content in contents.items()
+        }
 
     def keep(self, image: U8, descriptors: Mapping[str, F32]) -> None:
         """Keep descriptors of a picture, by channel; they are on disk after `flush` at the latest."""
@@ -85,9 +88,9 @@ class MeasuredPictures:
     def reading(self, sensor: Any, frame: Frame) -> Any:
         """Return what a pose sensor reads in a frame: one with `checksum`, `to_numbers` and `of_numbers`."""
         name = self._name(frame.image, sensor.checksum + _code_checksum(type(sensor).__module__))
-        kept = self._kept([name])
-        if kept:
-            return sensor.of_numbers(np.frombuffer(kept[name], "<f8").astype(np.float64), frame)
+        contents = self._kept([name])
+        if contents:
+            return sensor.of_numbers(np.frombuffer(contents[name], "<f8").astype(np.float64), frame)
         reading = sensor.read(frame)
         self._new[name] = _packed(name, np.asarray(sensor.to_numbers(reading), "<f8"))
         return reading
@@ -109,9 +112,9 @@ class MeasuredPictures:
 
     def _kept(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
         """Return what is in the file and not damaged."""
-        asked = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
-        rows = self._tried(lambda db: db.execute(asked, names).fetchall()) or []
-        parts = ((name, held[:-4], held[-4:]) for name, held in rows if name in names)
+        query = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
+        rows = self._tried(lambda db: db.execute(query, names).fetchall()) or []
+        parts = ((name, blob[:-4], blob[-4:]) for name, blob in rows if name in names)
         return {name: content for name, content, check in parts if check == _check(name, content)}
 
     def _write(self) -> None:

@@ -52,7 +52,7 @@ def with_own_channels(
 def _index(name: str, rows: list[F32]) -> ChannelIndex:
     sizes = {len(row) for row in rows}
     if len(sizes) > 1:
-        found = f"found {min(sizes)} and {max(sizes)} numbers, expected as many for each picture"
-        raise InputError(None, f"channel {name}: {found}")
+        fault = f"found {min(sizes)} and {max(sizes)} numbers, expected as many for each picture"
+        raise InputError(None, f"channel {name}: {fault}")
     references = np.array(rows, np.float32)
     return ChannelIndex(references, np.zeros(references.shape[1], np.float32), references.max(axis=0))

@@ -39,9 +39,9 @@ def remembered(what: str, files: Sequence[str], compute: Callable[[], str]) -> s
     where = hashlib.sha256("\n".join(about).encode(errors="surrogateescape")).hexdigest()
     kept_in = cache_root() / "remembered" / f"{where[:32]}.json"
     listing, newest_ns = _listing(files)
-    kept = _read(kept_in)
-    if kept is not None and kept[0] == listing:
-        return kept[1]
+    entry = _read(kept_in)
+    if entry is not None and entry[0] == listing:
+        return entry[1]
     asked_ns = time.time_ns()
     value = compute()
     if newest_ns < asked_ns - SETTLED_NS:

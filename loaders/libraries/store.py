@@ -81,16 +81,16 @@ def build_library(
     log = log or SurveyLog(survey, Reading(keep_going=keep_going))
     rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
-    for done, measured in enumerate(on_all_cores(rows.measured, log.survey_pictures()), start=1):
+    for count, measured in enumerate(on_all_cores(rows.measured, log.survey_pictures()), start=1):
         rows.add(*measured)
         if progress:
-            progress(done, total)
+            progress(count, total)
     if not rows.poses:
         raise InputError(survey, "found no picture with a pose, expected at least one; is this the survey?")
     poses = np.array(rows.poses)
-    given = log.info.arena if map_file is None else read_map(map_file, map_unit, poses)
-    check_span(survey, poses, given)
-    arena = given or open_arena(poses)
+    map_ = log.info.arena if map_file is None else read_map(map_file, map_unit, poses)
+    check_span(survey, poses, map_)
+    arena = map_ or open_arena(poses)
     camera = log.info.cameras[0] if log.info.cameras else None
     library = rows.library(log.info.name, arena, log.info.display_units, camera)
     for text in [*rows.broken, *_warnings(log, library, rows.has_covered)]:
@@ -226,15 +226,15 @@ def _opened(
         return load_library(path)
     if log is None and not (path.is_file() and first_bytes(path).lstrip(BEFORE_LOG).startswith(b"{")):
         raise unlike(path, A_LIBRARY)
-    kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
-    cached = _from_cache(kept, warn)
+    cache = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
+    cached = _from_cache(cache, warn)
     if cached is not None and set(chosen_channels(channels)) <= set(cached.index):
         return cached  # else a channel failed when it was built, and may have been fixed since
     warnings: list[str] = []
     built = build_library(
         path, channels, keep_going=keep_going, progress=progress, warn=warnings.append, log=log
     )
-    kept_now = _into_cache(built, kept, warnings)
+    kept_now = _into_cache(built, cache, warnings)
     for text in warnings:
         (warn or silent)(text)
     return kept_now

@@ -293,12 +293,12 @@ class SelectedSurvey(_Surveys):
         sharp: list[F64] = []
         covered: list[bool] = []
         total = self._source.count_pictures() if progress else 0
-        for done, picture in enumerate(self._pictures(), 1):
+        for count, picture in enumerate(self._pictures(), 1):
             poses.append(np.full(3, np.nan) if picture.pose is None else picture.pose)
             sharp.append(sharpness(picture.image))
             covered.append(picture.covered)
             if progress:
-                progress(done, total)
+                progress(count, total)
         rows, values = np.array(poses).reshape(-1, 3), np.array(sharp).reshape(-1, 2)
         taken = np.array(covered, bool)
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))

@@ -78,18 +78,18 @@ class MessageClock:
         if self._is_old(kind, t_s):
             return []
         if t_s >= self._latest_s.get(kind, -math.inf) - BEHIND_S:
-            late = [held for held in self._behind if held.kind == kind]
-            self._behind = [held for held in self._behind if held.kind != kind]
+            late = [waiting for waiting in self._behind if waiting.kind == kind]
+            self._behind = [waiting for waiting in self._behind if waiting.kind != kind]
             self._latest_s[kind] = max(t_s, self._latest_s.get(kind, -math.inf))
             return _listed([*late, message])
         self._behind.append(message)
-        if sum(held.kind == kind for held in self._behind) < IN_A_ROW:
+        if sum(waiting.kind == kind for waiting in self._behind) < IN_A_ROW:
             return []
         anew, self._behind, self.was_set_back = self._behind, [], True
         self._before_s, self._since_s = max(self._latest_s.values()), time.monotonic()
         self._latest_s = {}
-        for held in anew:
-            self._latest_s[held.kind] = max(held.t_s, self._latest_s.get(held.kind, -math.inf))
+        for waiting in anew:
+            self._latest_s[waiting.kind] = max(waiting.t_s, self._latest_s.get(waiting.kind, -math.inf))
         return _listed(anew)
 
     def _is_old(self, kind: str, t_s: float) -> bool:

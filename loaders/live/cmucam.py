@@ -51,9 +51,9 @@ _FRAME = re.compile(rb"NCK[\r\n]+:|\x03[\r\n]*:\s*$")
 def camera_at(name: str, rest: str) -> Callable[[], CmucamStream]:
     """Return how to connect to `DEVICE`, or `DEVICE?baud=38400&histograms`. SourceError for anything else."""
     device, _, query = rest.partition("?")
-    asked = dict(parse_qsl(query, keep_blank_values=True))
-    baud, histograms = asked.pop("baud", str(BAUDS[-1])), asked.pop("histograms", None)
-    if asked or histograms or baud not in map(str, BAUDS):
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    baud, histograms = options.pop("baud", str(BAUDS[-1])), options.pop("histograms", None)
+    if options or histograms or baud not in map(str, BAUDS):
         rates = ", ".join(map(str, BAUDS))
         raise SourceError(name, f"found ?{query}, expected baud=RATE of {rates}, histograms, or both by &")
     return partial(CmucamStream, name, Path("/", device), int(baud), histograms=histograms is not None)

@@ -130,7 +130,11 @@ class Translator:
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
         routes = topics.routes.items()
         sources = {role: self._sources.setdefault(route, PoseSource(route)) for role, route in routes}
-        hearing = {role: one for role, one in sources.items() if one.accepts(message.topic, message.type)}
+        hearing = {
+            role: role_source
+            for role, role_source in sources.items()
+            if role_source.accepts(message.topic, message.type)
+        }
         if message.topic not in (topics.image, topics.scan) and not hearing:
             return
         content = decoded(message)

@@ -72,9 +72,9 @@ class Foxglove:
     def subscribe(self, names: tuple[str, ...]) -> Iterator[str]:
         """Subscribe to the channels of these topics that are new."""
         new = {
-            number: one
-            for number, one in self._channels.items()
-            if one.topic in names and number not in self._subscribed and one.encoding in ENCODINGS
+            number: channel
+            for number, channel in self._channels.items()
+            if channel.topic in names and number not in self._subscribed and channel.encoding in ENCODINGS
         }
         self._subscribed |= new
         if new:
@@ -159,8 +159,8 @@ class Rosbridge:
     @property
     def silence(self) -> str:
         """Why no topic is known, where that can be told."""
-        asked = f"found no answer to {ASK} from the server, expected its list of topics"
-        return "" if self._topics else f"{asked}; {ROSAPI}"
+        fault = f"found no answer to {ASK} from the server, expected its list of topics"
+        return "" if self._topics else f"{fault}; {ROSAPI}"
 
     def greet(self) -> Iterator[str]:
         """Ask for the topics; the server needs its node rosapi for an answer."""
@@ -351,6 +351,6 @@ def _needs_frames(chosen: TopicChoice) -> bool:
 
 def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
     names = {topic.name.lstrip("/") for topic in known} | {"none"}
-    asked = (wishes.image, wishes.odometry, wishes.truth, wishes.scan)
-    flags = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
-    return TopicRequest(*(one if here else "none" for one, here in zip(asked, flags, strict=True)))
+    roles = (wishes.image, wishes.odometry, wishes.truth, wishes.scan)
+    flags = [name is None or name.partition(":")[0].lstrip("/") in names for name in roles]
+    return TopicRequest(*(role if here else "none" for role, here in zip(roles, flags, strict=True)))

@@ -28,9 +28,9 @@ class Gate:
 
     def open_after(self, motion: F64) -> bool:
         """Return whether a motion (3,) since the last update, composed of all in between, makes one."""
-        asked = (self.min_distance_m > 0, self.min_angle_rad > 0)
-        far = asked[0] and math.hypot(motion[0], motion[1]) >= self.min_distance_m
-        return not any(asked) or bool(far or (asked[1] and abs(motion[2]) >= self.min_angle_rad))
+        limits = (self.min_distance_m > 0, self.min_angle_rad > 0)
+        far = limits[0] and math.hypot(motion[0], motion[1]) >= self.min_distance_m
+        return not any(limits) or bool(far or (limits[1] and abs(motion[2]) >= self.min_angle_rad))
 
 
 SCAN_GATE = Gate(0.25, 0.2)  # AMCL's update_min_d and update_min_a
@@ -38,10 +38,10 @@ SCAN_GATE = Gate(0.25, 0.2)  # AMCL's update_min_d and update_min_a
 
 def gate_of(options: Reading, *, scans: bool) -> Gate:
     """Return the gate that the options ask for; else the usual one of pictures, or of scans."""
-    asked = options.min_distance_m, options.min_angle_rad
-    if asked == (None, None):
+    limits = options.min_distance_m, options.min_angle_rad
+    if limits == (None, None):
         return SCAN_GATE if scans else Gate()
-    return Gate(asked[0] or 0.0, asked[1] or 0.0)
+    return Gate(limits[0] or 0.0, limits[1] or 0.0)
 
 
 SKIPPED_AT = re.compile(rf"{SKIPPED}: what came at (\S+) s")

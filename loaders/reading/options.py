@@ -292,19 +292,19 @@ ELSEWHERE = ("table", "keep_going")  # options that a manifest has under names o
 
 def reading_to_json(options: Reading) -> dict[str, Any]:
     """Return the options as a manifest holds them, all but `ELSEWHERE`."""
-    kept = {name: getattr(options, name) for name in FIELDS if name not in ELSEWHERE}
-    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
+    values = {name: getattr(options, name) for name in FIELDS if name not in ELSEWHERE}
+    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in values.items()}
 
 
 def reading_from_json(value: Any) -> Reading:
     """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
     usual, known = Reading(), {name: rule for name, rule in RULES.items() if name not in ELSEWHERE}
-    given = {
+    values = {
         name: choice
         for name, choice in mapping(value, TABLE).items()
         if name not in RETIRED and (choice is not None or getattr(usual, name, None) is not None)
     }
     try:
-        return replace(usual, **checked(given, known))
+        return replace(usual, **checked(values, known))
     except ValueError as problem:
         raise FieldError(str(problem)) from None

@@ -85,17 +85,17 @@ def _detected(positions: F64, rotations: F64, wanted: str | None) -> Plane:
 
 def _sampled(poses: Iterable[Pose], most: int) -> Pose:
     """Return positions (n, 3) and rotations (n, 3, 3), thinned out; only the first ones if z is constant."""
-    kept: list[Pose] = []
+    sample: list[Pose] = []
     stride = 1
     for number, pose in enumerate(poses):
         if number % stride == 0:
-            kept.append(pose)
-        if number + 1 >= FIRST and (most == FIRST or (number + 1 == FIRST and _is_flat(kept))):
+            sample.append(pose)
+        if number + 1 >= FIRST and (most == FIRST or (number + 1 == FIRST and _is_flat(sample))):
             break
-        if len(kept) > most:
-            kept, stride = kept[::2], 2 * stride
-    positions = np.array([position for position, _ in kept]).reshape(-1, 3)
-    return positions, np.array([rotation for _, rotation in kept]).reshape(-1, 3, 3)
+        if len(sample) > most:
+            sample, stride = sample[::2], 2 * stride
+    positions = np.array([position for position, _ in sample]).reshape(-1, 3)
+    return positions, np.array([rotation for _, rotation in sample]).reshape(-1, 3, 3)
 
 
 def _is_flat(poses: list[Pose]) -> bool:

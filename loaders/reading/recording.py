@@ -180,8 +180,8 @@ def scan_fault(scan: LaserScan) -> str:
     if not 1 <= scan.size <= MOST_BEAMS:
         return f"found {scan.size} beams, expected 1 to {MOST_BEAMS}"
     if not (abs(scan.start_rad) <= 2 * math.pi and 0 < abs(scan.step_rad) <= 2 * math.pi):
-        found = f"beams from {scan.start_rad:g} rad in steps of {scan.step_rad:g} rad"
-        return f"found {found}, expected angles of at most a whole turn, and steps other than 0"
+        angles = f"beams from {scan.start_rad:g} rad in steps of {scan.step_rad:g} rad"
+        return f"found {angles}, expected angles of at most a whole turn, and steps other than 0"
     if not 0 <= scan.min_m < scan.max_m <= MOST:
         return f"found ranges from {scan.min_m:g} to {scan.max_m:g} m, expected the least first, {up_to()}"
     if not _are_three(scan.mount):
@@ -242,7 +242,7 @@ class SimplifiedPath:
 
     def poses(self) -> F64:
         """Return what is kept, and the last pose: (N, 3)."""
-        kept = self._kept
-        if self._last is not None and kept[-1] is not self._last:
-            kept = [*kept, self._last]
-        return np.array(kept, np.float64).reshape(-1, 3)
+        poses = self._kept
+        if self._last is not None and poses[-1] is not self._last:
+            poses = [*poses, self._last]
+        return np.array(poses, np.float64).reshape(-1, 3)

@@ -165,8 +165,8 @@ class RecordedSession(HasReadingNotes):
         if not self.info.captured:
             return ()
         records = checked(self.recording, ReadingNotes(keep_going=True))
-        told = (SKIPPED_AT.fullmatch(record.text) for record in records if isinstance(record, Note))
-        return tuple(float(match[1]) for match in told if match)
+        matches = (SKIPPED_AT.fullmatch(record.text) for record in records if isinstance(record, Note))
+        return tuple(float(match[1]) for match in matches if match)
 
     @property
     def gate(self) -> Gate:

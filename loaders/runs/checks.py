@@ -177,9 +177,9 @@ def check_update(folder: Path, part: str, rows: StepRows) -> None:
 
 
 def _refuse_row(file: Path, cloud: pl.DataFrame, name: str, row: int, expected: str) -> NoReturn:
-    found, step = f"{name} {show(cloud[name][row])}", show(cloud["step"][row])
+    cell, step = f"{name} {show(cloud[name][row])}", show(cloud["step"][row])
     raise InputError(
-        file, f"found {found} in row {row + 1} (step {step}), expected {expected}; is it damaged?"
+        file, f"found {cell} in row {row + 1} (step {step}), expected {expected}; is it damaged?"
     )
 
 

@@ -222,11 +222,11 @@ def _units(value: Any) -> str:
 
 def failure_to_json(failure: Failure) -> dict[str, Any]:
     """Return a failure as JSON; a number that is infinite or none, which JSON cannot hold, as null."""
-    kept = {
+    evidence = {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in failure.evidence.items()
     }
-    return asdict(failure) | {"evidence": kept, "also": list(failure.also)}
+    return asdict(failure) | {"evidence": evidence, "also": list(failure.also)}
 
 
 def failures_from_json(value: Any, steps: int | None) -> tuple[Failure, ...]:

@@ -150,9 +150,9 @@ def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterato
     """Read the updates of one part, each checked; the first of them should have the number `first`."""
     rules, file = step_rules(manifest.channels, recorded=manifest.recorded), folder / "steps" / name
     steps = _table(file, steps_schema(manifest.channels))
-    for number, found in enumerate(steps["step"], first):
-        if found != number:
-            raise InputError(file, f"found step {show(found)}, expected step {number}; is a part missing?")
+    for number, step in enumerate(steps["step"], first):
+        if step != number:
+            raise InputError(file, f"found step {show(step)}, expected step {number}; is a part missing?")
     particles = _cloud(folder / "particles" / name, PARTICLES, steps)
     renewed = _cloud(folder / "renewed" / name, RENEWED, steps)
     for number, row in enumerate(steps.iter_rows(named=True), first):

@@ -249,11 +249,11 @@ def scan_to_json(scan: LaserScan) -> dict[str, Any]:
 def scan_from_json(value: Any) -> LaserScan:
     """Read the object of a scan. FieldError for anything else."""
     fields = mapping(value, "scan")
-    given = items(fields.get("ranges_m"), "scan.ranges_m")
-    if len(given) > MOST_BEAMS:
-        raise FieldError(f"found {len(given)} beams, expected 1 to {MOST_BEAMS}")
+    ranges = items(fields.get("ranges_m"), "scan.ranges_m")
+    if len(ranges) > MOST_BEAMS:
+        raise FieldError(f"found {len(ranges)} beams, expected 1 to {MOST_BEAMS}")
     unusual = {None: math.nan, NOTHING_HIT: math.inf}
-    ranges_m = [unusual[r] if r is None or r == NOTHING_HIT else number(r, "scan.ranges_m") for r in given]
+    ranges_m = [unusual[r] if r is None or r == NOTHING_HIT else number(r, "scan.ranges_m") for r in ranges]
     names = ("start_rad", "step_rad", "min_m", "max_m")
     start_rad, step_rad, min_m, max_m = (number(fields.get(name), f"scan.{name}") for name in names)
     mount = np.array(numbers(fields.get("mount", [0, 0, 0]), 3, "scan.mount"))
