@@ -95,20 +95,20 @@ class BranchChange:
         sensors of other packages stay. Keys that the library `fitted` to the run's own channels are left out
         where the branch has another sensor.
         """
-        given = Filter(self.preset, self.feature, self.particles, settings=self.settings).changes
-        if any(key.startswith("radii.") for key in given):
+        changes = Filter(self.preset, self.feature, self.particles, settings=self.settings).changes
+        if any(key.startswith("radii.") for key in changes):
             raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
-        kept = {key: value for key, value in saved.values().items() if value is not None}
+        settings = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
-            other = {key: kept[key] for key in OF_THE_ROBOT if key in kept}
+            other = {key: settings[key] for key in OF_THE_ROBOT if key in settings}
             if other.get("motion") in OF_PRESETS:
                 del other["motion"]
-            kept = dict(PRESETS[self.preset]) | other
+            settings = dict(PRESETS[self.preset]) | other
         if self.has_other_sensor:
-            kept = {key: value for key, value in kept.items() if key not in fitted}
+            settings = {key: value for key, value in settings.items() if key not in fitted}
         try:
             own = saved.parameters.sensor.weights
-            return configure([Layer("run", kept), Layer("command line", given)], own)
+            return configure([Layer("run", settings), Layer("command line", changes)], own)
         except ValueError as problem:
             raise OptionError(str(problem)) from None
 
@@ -219,11 +219,11 @@ class BranchPoint:
         """Return the keys that library and drive set in the run, and nobody else: they set them again."""
         saved = self.run.configuration
         usual = defaults()  # what is as usual is nobody's choice
-        given = {key: value for key, value in saved.values().items() if value not in (None, usual[key])}
+        settings = {key: value for key, value in saved.values().items() if value not in (None, usual[key])}
         for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
-            without = Layer("run", {key: given[key] for key in given if key not in keys})
-            asked = configure([without], saved.parameters.sensor.weights)
-            if self._fit(asked, self.restored.start)[0].parameters == saved.parameters:
+            without = Layer("run", {key: settings[key] for key in settings if key not in keys})
+            configuration = configure([without], saved.parameters.sensor.weights)
+            if self._fit(configuration, self.restored.start)[0].parameters == saved.parameters:
                 return keys
         return ()
 

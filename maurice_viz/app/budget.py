@@ -48,8 +48,8 @@ def error_budget(
         return _of_trials(Path(source), listener)
     options, (spec,) = read_as_amcl(source, options, [spec], listener)
     session = open_session(source, options, listener)
-    asked = Path(library) if isinstance(library, str) else library
-    references = open_library_for(session, asked, keep_going=options.keep_going, listener=listener)
+    library_or_path = Path(library) if isinstance(library, str) else library
+    references = open_library_for(session, library_or_path, keep_going=options.keep_going, listener=listener)
     (run,) = make_runs(session, references, [spec], listener)
     localizer = run.localizer.of_session(session)
     drive = BudgetDrive.of(localizer, session, run.start, range(seeds), 0)

@@ -74,8 +74,8 @@ class MotionCalibration:
         for what, spread in errors.items():
             if spread.beyond_3_sd > 1 + 0.0027 * spread.count:  # more than chance puts there; one is no news
                 number = f"{spread.beyond_3_sd} of {spread.count} {what}"
-                kept = "they are not left out, and make the sd larger"
-                warnings.append(f"{number} lie beyond 3 sd: slips, perhaps; {kept}")
+                effect = "they are not left out, and make the sd larger"
+                warnings.append(f"{number} lie beyond 3 sd: slips, perhaps; {effect}")
         if fit.turns.one_sided:
             warnings.append("most turns go one way, so gain and bias of turns cannot be separated well")
         left, right = fit.turns.left_gain, fit.turns.right_gain

@@ -64,8 +64,8 @@ def compare(
     """
     several = isinstance(session, (list, tuple))
     sources: list[AnySource] = list(session) if several else [session]  # type: ignore[list-item,arg-type]  # told apart
-    given = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
-    specs = [filter_of(each) for each in given]
+    filter_list = [filters] if isinstance(filters, (Filter, str)) else list(filters or ())
+    specs = [filter_of(each) for each in filter_list]
     named = sources[0] if len(sources) == 1 else SEVERAL
     output = output_of(named, output, to, save_run, force=force)
     live = live or LiveOptions()
@@ -230,18 +230,20 @@ def _one_library(
     """Open the library that all sessions belong to. InputError if there are several."""
     if isinstance(asked, Library):
         return asked
-    found: dict[Path, Library] = {}
+    libraries: dict[Path, Library] = {}
     for session in sessions:
         path = (asked or session.info.survey or session.path).resolve()
-        if path not in found:
-            found[path] = opening.open_library_for(session, asked, keep_going=keep_going, listener=listener)
-        first, this = next(iter(found.values())), found[path]
+        if path not in libraries:
+            libraries[path] = opening.open_library_for(
+                session, asked, keep_going=keep_going, listener=listener
+            )
+        first, this = next(iter(libraries.values())), libraries[path]
         if first is not this and library_hash(first, list(first.index)) != library_hash(
             this, list(this.index)
         ):
             advice = "compare sessions of one library, or name one with --library"
             raise InputError(session.path, f"belongs to another library than {sessions[0].path}; {advice}")
-    return next(iter(found.values()))
+    return next(iter(libraries.values()))
 
 
 def _remark_lengths(

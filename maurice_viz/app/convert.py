@@ -98,20 +98,20 @@ def convert(
             steps = convert_to_log(session, target, kind=pictures, begin_s=begin_s, force=force)
         else:
             steps = records_to_log(session.recording, target, notes, force=force)
-    done = _count(steps, target, listener)
-    done.left_out |= left_out(session.recording, done)
-    if done.left_out:
-        counts = ", ".join(f"{count} {what}" for what, count in done.left_out.items())
+    converted = _count(steps, target, listener)
+    converted.left_out |= left_out(session.recording, converted)
+    if converted.left_out:
+        counts = ", ".join(f"{count} {what}" for what, count in converted.left_out.items())
         listener.remark(f"{target}: left out: {counts}")
     if target.suffix == LOG:
-        read = session if done.pictures else notes
+        read = session if converted.pictures else notes
     for warning in read.warnings:
         if warning not in session.opening_remarks:
             listener.warning(warning)
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
         listener.warning(f"{session.path}: skipped {count} broken records, the first: {read.problems[0]}")
-    return Conversion(target, done)
+    return Conversion(target, converted)
 
 
 def _begin(recording: Recording) -> tuple[float, bool]:
@@ -125,13 +125,13 @@ def _begin(recording: Recording) -> tuple[float, bool]:
 
 
 def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Converted:
-    done = Converted()
+    converted = Converted()
     try:
-        for done in steps:
-            listener.progress(done.pictures, 0, "convert")  # how many there will be is not known
+        for converted in steps:
+            listener.progress(converted.pictures, 0, "convert")  # how many there will be is not known
     except ValueError as problem:  # a time that no log may hold, moved too far by the offset
         raise InputError(target, str(problem)) from None
-    return done
+    return converted
 
 
 LEAST_CELL_M, MOST_CELL_M = 0.01, 1.0  # of a map that is built
@@ -185,10 +185,7 @@ def build_map(
         ('map.yaml', 12)
     """
     path, file, options = Path(recording), Path(to), reading or Reading()
-    if not 0 < until <= 1:
-        raise OptionError(f"--until is a share above 0, at most 1, found {until:g}")
-    if not LEAST_CELL_M <= cell_m <= MOST_CELL_M:
-        raise OptionError(f"--cell is a side of {LEAST_CELL_M:g} to {MOST_CELL_M:g} m, found {cell_m:g}")
+    _check_map_options(until, cell_m)
     file = file if file.suffix == ".yaml" else file / "map.yaml"
     for target in (file, file.with_suffix(".pgm")):
         expect_absent(target, force=force)
@@ -209,18 +206,28 @@ def build_map(
     try:
         occupancy = build_occupancy(posed(), cell_m)
     except ValueError as problem:
-        if not total:
-            raise InputError(path, "found no scan of a laser, expected some to build a map from") from None
-        if not known:
-            fault = f"found {most} scans, none with a true pose, expected some; see --reading truth_topic=..."
-            raise InputError(path, fault) from None
-        raise InputError(path, str(problem)) from None
+        raise InputError(path, _map_fault(total, most, known) or str(problem)) from None
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     write_ros_map(occupancy, file, force=force)
     for warning in notes.warnings:
         listener.warning(warning)
     return BuiltMap(file, occupancy, known, total)
+
+
+def _check_map_options(until: float, cell_m: float) -> None:
+    if not 0 < until <= 1:
+        raise OptionError(f"--until is a share above 0, at most 1, found {until:g}")
+    if not LEAST_CELL_M <= cell_m <= MOST_CELL_M:
+        raise OptionError(f"--cell is a side of {LEAST_CELL_M:g} to {MOST_CELL_M:g} m, found {cell_m:g}")
+
+
+def _map_fault(total: int, used: int, known: int) -> str:
+    """Return what a recording lacks for a map: scans at all, or true poses of those that are used."""
+    if not total:
+        return "found no scan of a laser, expected some to build a map from"
+    fault = f"found {used} scans, none with a true pose, expected some; see --reading truth_topic=..."
+    return "" if known else fault
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,8 +133,8 @@ class Diagnoses:
 
     def to_json(self) -> dict[str, Any]:
         """Return `{"session": ..., "recording": [...], "runs": [...]}`."""
-        told = plain(self)
-        return {"session": told.pop("name"), **told}
+        values = plain(self)
+        return {"session": values.pop("name"), **values}
 
 
 def diagnose(

@@ -14,6 +14,7 @@ from maurice_mcl.reasons.explanation import StepExplanation, explain_step
 from maurice_mcl.reasons.place import fits_best
 from maurice_mcl.sensor.laser.beams import BeamJudgment
 from maurice_mcl.sensor.laser.sensor import Laser
+from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import F64, Comparison, Moment, StepRecord
 
 from ..entities import Phase, Place, open_command
@@ -93,7 +94,7 @@ def explain(
         >>> print(explanation.text.splitlines()[0])
         blended, step 12
     """
-    if sum(given is not None for given in (at, entry, particle)) > 1:
+    if sum(choice is not None for choice in (at, entry, particle)) > 1:
         raise OptionError("--at, --entry and --particle exclude each other")
     folder = only_run(Path(run), label).folder
     opened = open_saved(folder, listener)
@@ -101,25 +102,17 @@ def explain(
     library = opened.scene.library
     scale = opened.scene.scale
     moment, record = _update(opened, folder, step)
-    if restored.saved.manifest.recorded:
-        unknown = "how it weighed its particles is not in the recording, so no step is explained"
-        raise InputError(folder, f"is another localizer's run, as recorded: {unknown}")
     comparison, phase = record.sighting.comparison, Phase.WEIGHT if record.parents is None else Phase.RESAMPLE
-    if restored.sensor is None or not (len(comparison.quality) or comparison.sensed):
-        raise InputError(folder, "cannot be explained without its session and library; put them back")
+    sensor = _sensor_of(restored, comparison, folder)
     if entry is not None:
         _check_number("entry", entry, library.size)
-    if particle is not None:
-        _check_number("particle", particle, record.weighted.size)
-        at = record.weighted.world_poses[particle]
-    if isinstance(at, str):
-        at = typed_pose(at, scale.units, "--at is X,Y,HEADING")
+    at = _pose_of(at, particle, record, scale)
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
     label, step, explained, of_scan = restored.saved.manifest.label, moment.frame.step, None, None
     lesson = _lesson(opened, folder, moment, record)
     if comparison.channels:
-        asked = entry if at is None else np.asarray(at, float)
-        explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
+        place = entry if at is None else np.asarray(at, float)
+        explained = explain_step(record, sensor, moment.truth, place, weigh=True)
     else:
         poses = {"estimate": record.estimate.pose, "truth": moment.truth}
         poses["pose asked for"] = library.poses[entry] if entry is not None else at
@@ -131,6 +124,25 @@ def explain(
         layout = EXPLAIN if comparison.channels or of_scan else SENSORS
         snapshot(folder, to=to, step=step, layout=layout, force=force, listener=listener)
     return Explanation(label, folder, step, explained, sensors, scale, lesson, phase, of_scan)
+
+
+def _sensor_of(restored: Restored, comparison: Comparison, folder: Path) -> SensorModel:
+    """Return the sensor model of a run; InputError for a run of which no step can be explained."""
+    if restored.saved.manifest.recorded:
+        unknown = "how it weighed its particles is not in the recording, so no step is explained"
+        raise InputError(folder, f"is another localizer's run, as recorded: {unknown}")
+    if restored.sensor is None or not (len(comparison.quality) or comparison.sensed):
+        raise InputError(folder, "cannot be explained without its session and library; put them back")
+    return restored.sensor
+
+
+def _pose_of(at: F64 | str | None, particle: int | None, record: StepRecord, scale: Scale) -> F64 | None:
+    """Return the pose (3,) of a particle, or the one that was typed; OptionError."""
+    if particle is not None:
+        _check_number("particle", particle, record.weighted.size)
+        pose: F64 = record.weighted.world_poses[particle]
+        return pose
+    return typed_pose(at, scale.units, "--at is X,Y,HEADING") if isinstance(at, str) else at
 
 
 def _lesson(opened: Opened, folder: Path, moment: Moment, record: StepRecord) -> str:

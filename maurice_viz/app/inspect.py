@@ -180,7 +180,7 @@ class FoundEvents:
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
         runs = [(run.label, [_event_json(event) for event in run.events]) for run in self.runs]
-        return {"runs": [{"label": label, "events": found} for label, found in runs]}
+        return {"runs": [{"label": label, "events": events_of_run} for label, events_of_run in runs]}
 
 
 def _event_json(event: RunEvent) -> dict[str, object]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -86,8 +86,10 @@ def build_library(
     spacing = _spacing_of(every)
     writing.check_target(Path(to), LIBRARY, force=force)
     writing.expect_apart(Path(to), survey, *map(Path, add))
-    with writing.temporary_folder("maurice-library") as kept:
-        source = surveys.open_survey(survey, options, spacing, kept, progress_of(listener, "choose pictures"))
+    with writing.temporary_folder("maurice-library") as folder:
+        source = surveys.open_survey(
+            survey, options, spacing, folder, progress_of(listener, "choose pictures")
+        )
         chosen = source.chosen.every or surveys.EVERY if isinstance(source, surveys.SelectedSurvey) else None
         if add:
             source = surveys.JoinedSurvey(
@@ -105,12 +107,8 @@ def build_library(
         )
         remark_open(built, listener)
         drive = open_session(survey, options, SILENT) if chosen is not None and not yaw_rad else None
-        for text in _say_fit(built, drive):
-            listener.warning(text)
-        if landmarks:
-            from maurice_loaders.libraries.landmarks import with_landmarks
-
-            built = with_landmarks(built, progress=listener.progress, warn=listener.warning)
+        _warn_of_fit(built, drive, listener)
+        built = _with_landmarks(built, listener) if landmarks else built
         save_library(built, Path(to), force=force)
         coverage = None if chosen is None else coverage_of(built, chosen.distance_m)
         return BuiltLibrary(built, Path(to), coverage)
@@ -123,12 +121,20 @@ def _spacing_of(every: str | None) -> surveys.Spacing | None:
         raise OptionError(str(problem)) from None
 
 
-def _say_fit(library: Library, drive: RecordedSession | None) -> Iterator[str]:
-    """Yield what the library's pictures show, and those of the drive that it was built from."""
-    yield from say_scales(library)
+def _with_landmarks(library: Library, listener: Listener) -> Library:
+    from maurice_loaders.libraries.landmarks import with_landmarks
+
+    return with_landmarks(library, progress=listener.progress, warn=listener.warning)
+
+
+def _warn_of_fit(library: Library, drive: RecordedSession | None, listener: Listener) -> None:
+    """Warn of what the library's pictures show, and those of the drive that it was built from."""
+    for text in say_scales(library):
+        listener.warning(text)
     if drive is not None:
         weights = FEATURES["blended"]
-        yield from say_drive(library.name, weights, score_feature(library, weights, drive))
+        for text in say_drive(library.name, weights, score_feature(library, weights, drive)):
+            listener.warning(text)
 
 
 DEFAULT_SENSOR = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with

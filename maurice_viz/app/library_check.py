@@ -14,6 +14,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.libraries.completed import completed
 from maurice_loaders.reading.options import Reading
+from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.build import adapted, own_scaled
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
@@ -51,22 +52,26 @@ class LibraryCheck:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
-        found, covered = self.similarity, self.coverage
-        places = found.at_places(found.ambiguity)
+        similarity, covered = self.similarity, self.coverage
+        places = similarity.at_places(similarity.ambiguity)
         return {
             "name": self.library.name,
             "entries": self.library.size,
-            "places": len(found.places),
-            "spacing_m": found.spacing_m,
-            "reach_m": found.reach_m,
+            "places": len(similarity.places),
+            "spacing_m": similarity.spacing_m,
+            "reach_m": similarity.reach_m,
             "wanted_spacing_m": self.wanted_m,
             "covered_share": covered.covered,
             "directions_share": covered.directions,
             "gaps": plain_value(covered.gaps),
-            "retrieved_right_share": found.retrieved_right,
+            "retrieved_right_share": similarity.retrieved_right,
             "look_alikes": [
-                {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
-                for entry in found.aliased.tolist()
+                {
+                    "entry": entry,
+                    "like": int(similarity.alias[entry]),
+                    "nats": float(-similarity.margin[entry]),
+                }
+                for entry in similarity.aliased.tolist()
             ],
             "confusions": [self._confusion(confusion) for confusion in self.advice.confusions],
             "missing_headings": plain_value(self.advice.missing),
@@ -74,7 +79,7 @@ class LibraryCheck:
             "ambiguity_median": float(np.median(places)),
             "ambiguity": [
                 {"x_m": float(x), "y_m": float(y), "places": float(value)}
-                for (x, y), value in zip(found.places, places, strict=True)
+                for (x, y), value in zip(similarity.places, places, strict=True)
             ],
             "places_told_apart": self.telling.to_json(),
             "drive": None if self.drive is None else self.drive.to_json(),
@@ -168,18 +173,13 @@ def check_library(
     for target in (poses, curves):
         if target is not None:
             expect_absent(Path(target), force=force)
-    opened, recorded = library_at(path, listener), None
-    if drive is not None:
-        options = reading or Reading()
-        recorded = open_session(Path(drive), options, listener)
+    opened = library_at(path, listener)
+    recorded = None if drive is None else open_session(Path(drive), reading or Reading(), listener)
     configuration = Filter(feature=feature).configuration()
     info = None if recorded is None else recorded.info
     (opened,) = completed([configuration], opened, info, listener.progress, listener.warning)
     weights = configuration.parameters.sensor.weights
-    missing = [name for name in weights if name not in {*opened.index, *POSE_SENSORS}]
-    if missing:
-        content = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
-        raise InputError(path, f"{content}, and {missing[0]} is wanted; build the library again")
+    _check_channels(path, opened, weights)
     nearest = nearest_reference(opened.poses, opened.arena)
     own = own_scaled(configuration, opened, nearest).parameters.sensor.scales
     table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights), scales=own)))
@@ -188,10 +188,7 @@ def check_library(
     wanted_m = _wanted_m(opened, similarity, telling)
     covered, advice = coverage_of(opened, wanted_m), advise(opened, replace(similarity, spacing_m=wanted_m))
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
-    recognition = None
-    if recorded is not None:
-        retrieval = look_up_drive(opened, weights, recorded, progress_of(listener, "look up"))
-        recognition = PlaceRecognition.of(retrieval, list(weights))
+    recognition = None if recorded is None else _recognition(opened, weights, recorded, listener)
     check = LibraryCheck(
         opened, similarity, covered, telling, advice, wanted_m, weights, of_drive, recognition
     )
@@ -202,6 +199,22 @@ def check_library(
     if curves is not None:
         check.draw_curves(curves, force=force)
     return check
+
+
+def _check_channels(path: Path, library: Library, weights: Mapping[str, float]) -> None:
+    """Refuse a library without a channel that has a weight."""
+    missing = [name for name in weights if name not in {*library.index, *POSE_SENSORS}]
+    if missing:
+        content = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
+        raise InputError(path, f"{content}, and {missing[0]} is wanted; build the library again")
+
+
+def _recognition(
+    library: Library, weights: Mapping[str, float], drive: RecordedSession, listener: Listener
+) -> PlaceRecognition:
+    """Return how often the right reference is found in a drive's pictures, per channel and together."""
+    retrieval = look_up_drive(library, weights, drive, progress_of(listener, "look up"))
+    return PlaceRecognition.of(retrieval, list(weights))
 
 
 def _wanted_m(library: Library, similarity: SelfSimilarity, telling: PlaceScore) -> float:

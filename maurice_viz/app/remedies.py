@@ -106,8 +106,8 @@ class Remedies:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        told = plain(self) | {"proposed": None if self.proposed is None else self.proposed.name}
-        return {key: value for key, value in told.items() if key not in ("name", "display_units")}
+        values = plain(self) | {"proposed": None if self.proposed is None else self.proposed.name}
+        return {key: value for key, value in values.items() if key not in ("name", "display_units")}
 
 
 def remedies(
@@ -216,8 +216,8 @@ class _Past:
         listener: Listener,
     ) -> list[SeedResults]:
         """Run every filter with every seed; every picture is compared once by each sensor model."""
-        asked = [self._runs(*each, seeds) for each in zip(remedies, filters, strict=True)]
-        return [SeedResults.of(tables) for tables in tables_of(asked, progress_of(listener, "remedies"))]
+        runs = [self._runs(*each, seeds) for each in zip(remedies, filters, strict=True)]
+        return [SeedResults.of(tables) for tables in tables_of(runs, progress_of(listener, "remedies"))]
 
     def _runs(self, remedy: Remedy, localizer: Localizer, seeds: Sequence[int]) -> SeededRuns:
         """Return the runs of a filter from the branch on."""

@@ -108,9 +108,9 @@ def movie(
             raise OptionError(f"{count}; write an .mp4, or fewer steps")
         try:
             with film(target, fps, force=force) as frames:
-                for done, value in enumerate(values, start=1):
+                for number, value in enumerate(values, start=1):
                     frames.add(from_png(viewer.picture(timeline, value, EQUAL_PICTURES)))
-                    listener.progress(done, len(values), "movie")
+                    listener.progress(number, len(values), "movie")
         except KeyboardInterrupt:
             listener.warning(f"stopped; {target} was not written")
             raise
@@ -143,17 +143,17 @@ def _check_saved_steps(source: Path, *steps: int | None) -> None:
 
     Raises InputError. A recording that cannot be read to its end is left to the viewer, which can.
     """
-    asked = [step for step in steps if step is not None]
-    if not asked:
+    numbers = [step for step in steps if step is not None]
+    if not numbers:
         return
     if source.suffix == ".rrd":
-        span = _recorded_span(source, asked)
+        span = _recorded_span(source, numbers)
     else:
         manifests = [run.manifest for run in open_runs(source)]
         counts = [manifest.pictures if manifest.steps is None else manifest.steps for manifest in manifests]
         span = (1, max(counts))
     if span is not None:
-        for step in asked:
+        for step in numbers:
             _check_step(source, step, *span)
 
 

@@ -61,10 +61,10 @@ def trials(
     if isinstance(seeds, bool) or not isinstance(seeds, int) or not 1 <= seeds <= MOST_SEEDS:
         raise OptionError(f"seeds: found {seeds!r}, expected a whole number from 1 to {MOST_SEEDS:,}")
     paths = [Path(session)] if isinstance(session, (str, Path)) else [Path(path) for path in session]
-    given = [filters] if filters is None or isinstance(filters, (str, Filter)) else list(filters)
-    if not paths or not given:
+    filter_list = [filters] if filters is None or isinstance(filters, (str, Filter)) else list(filters)
+    if not paths or not filter_list:
         raise OptionError(f"found no {'filter' if paths else 'session'} to try")
-    options, specs = read_as_amcl(paths[0], reading or Reading(), list(map(filter_of, given)), listener)
+    options, specs = read_as_amcl(paths[0], reading or Reading(), list(map(filter_of, filter_list)), listener)
     start = _start_of(specs)
     at = None if library is None else str(Path(library).resolve())
     for path in paths:  # a drive that cannot be used is refused before any run is made
@@ -124,5 +124,5 @@ def settings_of(spec: Filter) -> dict[str, Any]:
     """Return a filter as a plan has it: preset and feature, and the settings that differ from these."""
     named = {"preset": spec.preset, "feature": spec.feature}
     settings: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
-    usual, asked = configuration_of(settings).values(), spec.configuration().values()
-    return settings | {key: value for key, value in asked.items() if value != usual[key]}
+    usual, values = configuration_of(settings).values(), spec.configuration().values()
+    return settings | {key: value for key, value in values.items() if value != usual[key]}

@@ -67,11 +67,11 @@ class WhatIf:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        told = plain(self)
+        values = plain(self)
         first = None if self.differs is None else {"step": self.differs.step, "field": self.differs.field}
-        runs = {"run": told.pop("before"), "branch": told.pop("after")}
-        scores: dict[str, Any] = told.pop("scores")
-        return {"what_if": told | {"differs": first, "after_branch": runs}} | scores
+        runs = {"run": values.pop("before"), "branch": values.pop("after")}
+        scores: dict[str, Any] = values.pop("scores")
+        return {"what_if": values | {"differs": first, "after_branch": runs}} | scores
 
 
 def what_if(
@@ -101,15 +101,15 @@ def what_if(
         >>> mv.what_if("my-run", 5, mv.Filter(particles=100)).same_until
         5
     """
-    asked = filter_of(filter)
-    if asked.start not in (None, GLOBAL):
-        start = asked.start
+    spec = filter_of(filter)
+    if spec.start not in (None, GLOBAL):
+        start = spec.start
         raise OptionError(f"--start: a branch begins where the particles are, or {GLOBAL}; found {start!r}")
-    if asked.config is not None:
+    if spec.config is not None:
         raise OptionError("--config: a branch changes settings of the run; give them by `settings`")
-    changed = read_settings(asked.parts | dict(asked.settings))
-    anywhere = asked.start == GLOBAL
-    change = BranchChange(asked.preset, asked.feature, asked.particles, seed, changed, anywhere=anywhere)
+    changed = read_settings(spec.parts | dict(spec.settings))
+    anywhere = spec.start == GLOBAL
+    change = BranchChange(spec.preset, spec.feature, spec.particles, seed, changed, anywhere=anywhere)
     output = output_of(Path(run), output, to, force=force)
     return _branched(Path(run), from_step, change, output, listener)
 

@@ -252,7 +252,9 @@ def _write_rows(formatter: Any, title: str, rows: Mapping[str, str]) -> None:
 
 def _write_others(formatter: Any) -> None:
     """Write the commands that the first page of the help only names."""
-    others = {name: one.what for name, one in COMMANDS.items() if not one.first and " " not in name}
+    others = {
+        name: command.what for name, command in COMMANDS.items() if not command.first and " " not in name
+    }
     _write_rows(formatter, "More commands", others)
 
 

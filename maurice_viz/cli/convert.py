@@ -127,9 +127,9 @@ def convert(
     if json_output:
         print_json(converted)
     else:
-        done = converted.counts
-        counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
-        others = f"{done.events} events, {done.readings} readings, {done.scans} scans"
+        numbers = converted.counts
+        counts = f"{numbers.pictures} pictures, {numbers.motions} motions, {numbers.truths} true poses"
+        others = f"{numbers.events} events, {numbers.readings} readings, {numbers.scans} scans"
         results.say(f"{converted.file}: {counts}, {others}")
 
 

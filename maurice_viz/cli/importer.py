@@ -197,6 +197,6 @@ def _is_left() -> bool:
 
 def _nobody_reads() -> bool:
     """Return whether standard output is a pipe whose other end was closed."""
-    asked = select.poll()
-    asked.register(sys.stdout.fileno(), 0)
-    return any(event & (select.POLLERR | select.POLLHUP) for _, event in asked.poll(0))
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))

@@ -278,11 +278,11 @@ def _coverage(covered: Coverage, scale: Scale) -> str:
 
 
 def _sparse_lines(report: LibraryCheck, scale: Scale) -> Iterator[str]:
-    found, covered = report.similarity, report.coverage
-    if report.wanted_m < found.spacing_m:
-        places, area = len(found.places), scale.say_area(covered.free_m2)
+    similarity, covered = report.similarity, report.coverage
+    if report.wanted_m < similarity.spacing_m:
+        places, area = len(similarity.places), scale.say_area(covered.free_m2)
         yield (
-            f"sparse: {places} places {scale.say(found.spacing_m)} apart for {area}; at "
+            f"sparse: {places} places {scale.say(similarity.spacing_m)} apart for {area}; at "
             f"{scale.say(report.wanted_m)} {covered.covered:.0%} of it has one, and `to add` is for that"
         )
 

@@ -217,8 +217,8 @@ def doctor(
     if json_output:
         print_json(_json(examination, options))
     else:
-        given = "--map" if library is not None and library.suffix.lower() in ENDINGS else "--library"
-        beside = [] if library is None else [given, str(library)]
+        map_or_library = "--map" if library is not None and library.suffix.lower() in ENDINGS else "--library"
+        beside = [] if library is None else [map_or_library, str(library)]
         results.say("\n".join(_lines(examination, options, beside)))
     if output is not None and examination.fixed != read_by:
         words = shlex.join([str(session), "--reading", str(output)])
@@ -281,9 +281,9 @@ def _lines(examination: Examination, options: Options, beside: Sequence[str] = (
             yield f"   fix: {_command('maurice-replay', examination.path, [*fixing, *beside])}"
         yield f"   {'or' if fixing else 'fix'}: {fix_for(finding)}"
     if options[-1]:
-        kept = shlex.join(["FIXED.log", *options[-1]])
+        arguments = shlex.join(["FIXED.log", *options[-1]])
         yield f"try: {_command('maurice-replay doctor', examination.path, [*options[-1], *beside])}"
-        yield f"keep: {_command('maurice-replay convert', examination.path)} {kept}"
+        yield f"keep: {_command('maurice-replay convert', examination.path)} {arguments}"
     unasked = " in what could be checked" if examination.not_asked else ""
     yield f"found {len(examination.findings) or 'nothing'} wrong{unasked}"
 

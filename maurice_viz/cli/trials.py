@@ -68,7 +68,7 @@ def run(
     chosen = read_plan(plan).only([word for word in only.split(",") if word])
     chosen = (chosen.quick() if quick else chosen).with_seeds(seeds)
     with listening() as listener:
-        done = run_plan(
+        summary = run_plan(
             chosen,
             output,
             workers=workers,
@@ -78,11 +78,13 @@ def run(
             progress=progress_of(listener, chosen.title),
         )
     if json_output:
-        print_json(done)
+        print_json(summary)
         return
-    results.say(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
-    if done.error is not None:
-        note(f"the first that failed: {done.error}; the column error has all")
+    results.say(
+        f"{output}: {summary.runs:,} runs, {summary.made:,} made now, {summary.failed:,} of them failed"
+    )
+    if summary.error is not None:
+        note(f"the first that failed: {summary.error}; the column error has all")
     varied = dict.fromkeys(key for part in chosen.parts for key in part.variants.varied)
     note(f"now try: maurice-replay trials table {output} --by {','.join([*varied][:2]) or 'part'}")
 

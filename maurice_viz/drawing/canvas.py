@@ -79,8 +79,8 @@ def png(image: U8) -> bytes:
 
 def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
     bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    done, data = cv2.imencode(suffix, bgr, options)
-    if not done:
+    success, data = cv2.imencode(suffix, bgr, options)
+    if not success:
         raise ValueError(f"cannot encode an image of shape {image.shape} as {suffix}")
     return np.asarray(data).tobytes()
 

@@ -166,7 +166,7 @@ class InsidePanel(Panel):
         places = self._scale.screen(record.predicted.poses[some, :2] + record.predicted.origin)
         moved, weighed = (_weighed(belief, some, places) for belief in (record.predicted, record.weighted))
         copied = weighed if record.parents is None else _copied(record, some, places)
-        kept = self._reseeded(record, copied) if update.is_reseeded else copied
+        particles = self._reseeded(record, copied) if update.is_reseeded else copied
         self._draw_moved(rec, update, moved.row(), places)
         set_phase(rec, update.moment, Phase.WEIGHT)
         weights, copies = weighed.looks(), copied.looks()
@@ -181,15 +181,15 @@ class InsidePanel(Panel):
         self._say(rec, update, Phase.RESEED, kind, FRESH_ONES if update.is_reseeded else UNCHANGED)
         rec.log(self._before, copies)
         if update.is_reseeded:
-            rec.log(self._after, kept.row())
+            rec.log(self._after, particles.row())
         set_phase(rec, update.moment, Phase.ESTIMATE)
         self._draw_answer(rec, update)
         self._say(rec, update, Phase.ESTIMATE, FRESH_ONES if update.is_reseeded else kind, ANSWER)
         if update.is_reseeded:
-            rec.log(self._before, kept.row())
+            rec.log(self._before, particles.row())
         set_step_only(rec, update.moment)
         self._log_words(rec, whole_step(update.moment, record, self._scale), WHOLE_STEP, with_phases=False)
-        self._kept = kept.settled
+        self._kept = particles.settled
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Empty everything; the next full update has no cloud before it."""

@@ -247,11 +247,11 @@ class WeightBarsPanel(Panel):
         rec.log(self._paths.inside("values"), nothing)
 
     def _log(self, rec: rr.RecordingStream, times: F64, kind: Kind) -> None:
-        dots, held = shares_of(times, kind)
-        bars = bars_of(heights_of(dots), heights_of(held))
+        dots, weights = shares_of(times, kind)
+        bars = bars_of(heights_of(dots), heights_of(weights))
         rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars)))
         labels = [*_names_of(kind)]
-        for values, left, color in ((dots, FIRST_PX, DOTS_COLOR), (held, SECOND_PX, WEIGHT_COLOR)):
+        for values, left, color in ((dots, FIRST_PX, DOTS_COLOR), (weights, SECOND_PX, WEIGHT_COLOR)):
             middle = left + COLUMN_PX / 2
             labels += [
                 (BINS_PX * k + middle, -HEIGHT_PX * value - VALUE_ABOVE, f"{100 * value:.0f}", color)
@@ -286,8 +286,8 @@ def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
         small += times >= least
     number = small.astype(np.intp)
     dots = np.bincount(number, minlength=len(kind.bins)) / max(len(times), 1)
-    held = np.bincount(number, times, len(kind.bins)) / max(float(times.sum()), 1e-12)
-    return dots, held
+    weights = np.bincount(number, times, len(kind.bins)) / max(float(times.sum()), 1e-12)
+    return dots, weights
 
 
 def heights_of(shares: F64) -> tuple[int, ...]:

@@ -164,9 +164,9 @@ class SensorsPanel(Panel):
         """Leave out marks outside of the map: they would cover its key."""
         x_min, y_min, x_max, y_max = self._library.arena.bounds
         x, y = marks.strips[..., 0], marks.strips[..., 1]
-        kept = ((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)).all(axis=1)
-        agrees = None if marks.agrees is None else marks.agrees[kept]
-        return replace(marks, strips=marks.strips[kept], agrees=agrees)
+        inside = ((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)).all(axis=1)
+        agrees = None if marks.agrees is None else marks.agrees[inside]
+        return replace(marks, strips=marks.strips[inside], agrees=agrees)
 
     def _on_map(self, strips: F32 | F64) -> F32:
         flat = self._scale.screen(strips.reshape(-1, 2).astype(np.float64))

@@ -121,8 +121,8 @@ class VerdictDrawing:
             oldest = next(iter(self._lessons))
             del self._lessons[oldest], self._times_s[oldest]
         if self._scene.live and (self._count == 1 or self._count % self._every == 0):
-            told = verdicts()
-            self._decide(told, f"{now_line(told)}Up to step {step}: ")
+            verdicts_now = verdicts()
+            self._decide(verdicts_now, f"{now_line(verdicts_now)}Up to step {step}: ")
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, the step to look at, and where to look at each moment of the tour."""

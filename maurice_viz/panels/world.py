@@ -126,9 +126,9 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
     enter = np.where(parallel, 0.0, np.minimum(first, second)).max(axis=1, initial=0.0)
     leave = np.where(parallel, 1.0, np.maximum(first, second)).min(axis=1, initial=1.0)
     beside = (parallel & ((start < low) | (start > high))).any(axis=1)
-    kept = (enter <= leave) & ~beside
+    visible = (enter <= leave) & ~beside
     ends = [start + at[:, None] * along for at in (enter, leave)]
-    return np.asarray(np.concatenate(ends, axis=1)[kept])
+    return np.asarray(np.concatenate(ends, axis=1)[visible])
 
 
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:

@@ -182,13 +182,13 @@ def thin_chart(x: F64, y: F64) -> tuple[F64, F64]:
     """Keep the lowest and the highest point of each stretch of a long line, in order: no peak is lost."""
     if len(x) <= MAX_POINTS:
         return x, y
-    kept: set[int] = set()
+    rows: set[int] = set()
     for part in np.array_split(np.arange(len(x)), MAX_POINTS // 2):
         known = part[np.isfinite(y[part])]
-        kept |= (
+        rows |= (
             {int(known[y[known].argmin()]), int(known[y[known].argmax()])} if len(known) else {int(part[0])}
         )
-    order = np.array(sorted(kept))
+    order = np.array(sorted(rows))
     return x[order], y[order]
 
 

@@ -57,10 +57,10 @@ def look_up_drive(
     (sensor, right_m), known = _by_feature(library, weights), known_descriptors()
     pictures = _not_in(library, session.known_pictures(MOST_LOOKED_THROUGH))
     chosen = np.linspace(0, len(pictures) - 1, min(len(pictures), MOST_UPDATES)).round().astype(int)
-    found = look_up(sensor, [pictures[k] for k in chosen.tolist()], right_m, known, progress)
+    retrieval = look_up(sensor, [pictures[k] for k in chosen.tolist()], right_m, known, progress)
     if known is not None:
         known.flush()
-    return found
+    return retrieval
 
 
 def _by_feature(library: Library, weights: Mapping[str, float]) -> tuple[SensorModel, float]:

@@ -87,9 +87,9 @@ class Filter:
 
     def __repr__(self) -> str:
         """Return what was asked for."""
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
-        asked = {name: value for name, value in given.items() if value not in (None, (), {}, "", 0)}
-        words = [repr(asked.pop("preset"))] if self.preset else []
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
+        settings = {name: value for name, value in values.items() if value not in (None, (), {}, "", 0)}
+        words = [repr(settings.pop("preset"))] if self.preset else []
         parts = {
             "sensors": self.sensors,
             "channels": self.channels,
@@ -97,8 +97,8 @@ class Filter:
             "recovery": self.recovery,
         }
         parts |= {"motion": None if isinstance(self.motion, Mapping) else self.motion}
-        told = {name: word_of(value) if parts.get(name) else repr(value) for name, value in asked.items()}
-        return f"Filter({', '.join([*words, *(f'{name}={value}' for name, value in told.items())])})"
+        texts = {name: word_of(value) if parts.get(name) else repr(value) for name, value in settings.items()}
+        return f"Filter({', '.join([*words, *(f'{name}={value}' for name, value in texts.items())])})"
 
     def set(self, **changes: Any) -> Filter:
         """Return the filter with some of it changed: fields, or settings by the last word of their key.
@@ -108,8 +108,8 @@ class Filter:
         own = {f.name for f in fields(self)}
         settings = dict(changes.pop("settings", self.settings))
         settings |= {key_of(word): value for word, value in changes.items() if word not in own}
-        kept = {word: value for word, value in changes.items() if word in own}
-        return replace(self, settings=settings, **kept)
+        arguments = {word: value for word, value in changes.items() if word in own}
+        return replace(self, settings=settings, **arguments)
 
     @property
     def label(self) -> str:

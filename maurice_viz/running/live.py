@@ -59,8 +59,8 @@ def follow_source(request: Request) -> RunScores:
     reading, specs = read_as_amcl(source, reading, request.specs, listener)
     output = replace(output, stem=STEM).named(words_of(specs))
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
-    asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
-    gate = gate_of(reading, scans=False) if asked else None
+    has_gate = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
+    gate = gate_of(reading, scans=False) if has_gate else None
     listen = ListenOptions(
         live.keep_up,
         patience_of(live.patience_s),
@@ -176,8 +176,8 @@ def remark_live(collector: ResultCollector, session: LiveSession, listener: List
         listener.warning(warning)
     _remark_left_out(session, listener)
     policy = "the oldest of more than four waiting" if session.keep_up else "none is left out"
-    kept = "; what moved before them was kept" if session.skipped else ""
-    listener.remark(f"{counts.observed} came, {session.skipped} were skipped ({policy}){kept}")
+    remark = "; what moved before them was kept" if session.skipped else ""
+    listener.remark(f"{counts.observed} came, {session.skipped} were skipped ({policy}){remark}")
     remark_zeros(collector, listener)
 
 

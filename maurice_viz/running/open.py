@@ -192,15 +192,15 @@ def make_runs(
     Each is what it would be alone: it gets no sensor that another one asked for. InputError, OptionError.
     """
     specs = preset_for(library, specs)
-    asked = [spec.configuration() for spec in specs]
-    libraries = completed(asked, library, session.info, listener.progress, listener.warning)
+    configurations = [spec.configuration() for spec in specs]
+    libraries = completed(configurations, library, session.info, listener.progress, listener.warning)
     reference = reference_of(library)
     if not reference.grid.free.any():
         full = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
         raise InputError(session.path, f"{full}; fix the map in the survey's header")
     warn, pictures = once(listener.warning), cache(partial(_pictures_of, session))
     filters = []
-    for spec, configuration, own in zip(specs, asked, libraries, strict=True):
+    for spec, configuration, own in zip(specs, configurations, libraries, strict=True):
         start = _start(spec, session, library, reference, warn)
         try:
             pair = fitted(configuration, own, session, reference, start, pictures, warn, seed=spec.seed)
@@ -210,7 +210,7 @@ def make_runs(
             file = motion_file(spec.changes)
             raise InputError(file or session.path, str(problem), None if file else 1) from None
         filters.append((*pair, start))
-    labels = unique_labels([_label(*pair, library) for pair in zip(specs, asked, strict=True)])
+    labels = unique_labels([_label(*pair, library) for pair in zip(specs, configurations, strict=True)])
     runs = [
         FilterRun(label, localizer, start, to_toml(configuration))
         for label, (configuration, localizer, start) in zip(labels, filters, strict=True)

@@ -101,14 +101,14 @@ class RunScores:
         from ..text.verdict import headline
 
         scale = Scale(units_named(self.display_units))
-        told = headline({run.label: run.verdict for run in self.runs}, scale) if self.runs else "no run"
+        summary = headline({run.label: run.verdict for run in self.runs}, scale) if self.runs else "no run"
         lines = [
             f"{run.label}: {run.score.updates} updates, {scale.say(run.score.error_mean_m)} off"
             if run.score.error_mean_m is not None
             else f"{run.label}: {run.score.updates} updates, no truth"
             for run in self.runs
         ]
-        return "\n".join([f"{self.name}: {told}", *lines])
+        return "\n".join([f"{self.name}: {summary}", *lines])
 
     def __repr__(self) -> str:
         """Return what happened, as short as a screen has room for."""

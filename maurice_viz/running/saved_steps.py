@@ -172,6 +172,6 @@ def collect(
     for run in results:
         table = scores.table(run.label)
         times_s = dict(zip(table.steps.tolist(), table.times_s.tolist(), strict=True))
-        told = with_failures(events[run.label], run.verdict.failures, times_s, scale)
-        tracks.append(Track(run.label, table, told))
+        run_events = with_failures(events[run.label], run.verdict.failures, times_s, scale)
+        tracks.append(Track(run.label, table, run_events))
     return Collected(tracks, results, size)

@@ -142,8 +142,8 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
 
 def _full(target: Path, problem: OSError, steps: int) -> SinkError:
     """Return the error of a disk that ran full; a folder that holds no step is removed."""
-    kept = f"it holds {steps} steps; free some space, and replace it with --force"
+    advice = f"it holds {steps} steps; free some space, and replace it with --force"
     if not steps:
         discard(target)
-        kept = "free some space"
-    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); {kept}")
+        advice = "free some space"
+    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); {advice}")

@@ -50,8 +50,8 @@ def kind_of_source(source: AnySource, live: LiveOptions) -> SourceKind:
     if isinstance(source, (str, Path)) and (live.follow or is_live(source)):
         return SourceKind.LIVE
     if live != LiveOptions():
-        given = "--capture, --keep-up, --every-picture and --patience need a live source"
-        raise OptionError(f"{given}: -, tcp://, ws://, cmucam://, or a file with --follow")
+        fault = "--capture, --keep-up, --every-picture and --patience need a live source"
+        raise OptionError(f"{fault}: -, tcp://, ws://, cmucam://, or a file with --follow")
     if isinstance(source, (str, Path)):
         return SourceKind.SAVED if is_saved(Path(source)) else SourceKind.SESSION
     return SourceKind.SESSION if isinstance(source, RecordedSession) else SourceKind.OWN
@@ -74,5 +74,5 @@ class Request:
     @property
     def is_plain(self) -> bool:
         """Whether nothing is asked for but how the output looks."""
-        given = self.library, list(self.specs), self.reading, self.output.folder
-        return given == (None, [Filter()], Reading(), None)
+        values = self.library, list(self.specs), self.reading, self.output.folder
+        return values == (None, [Filter()], Reading(), None)

@@ -42,9 +42,9 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        told = plain(self, "same")
-        del told["pictures"]
-        return told | {"changed_versions": told.pop("changed")}
+        values = plain(self, "same")
+        del values["pictures"]
+        return values | {"changed_versions": values.pop("changed")}
 
 
 def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verification]:

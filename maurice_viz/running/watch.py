@@ -72,8 +72,8 @@ class LossCommand:
 
     def run(self, label: str, step: int, text: str) -> None:
         """Start it and go on; when it fails, that is one line."""
-        told = {"MAURICE_RUN": label, "MAURICE_STEP": str(step), "MAURICE_TEXT": text}
-        threading.Thread(target=self._run, args=(os.environ | told,), daemon=True).start()
+        variables = {"MAURICE_RUN": label, "MAURICE_STEP": str(step), "MAURICE_TEXT": text}
+        threading.Thread(target=self._run, args=(os.environ | variables,), daemon=True).start()
 
     def _run(self, environment: Mapping[str, str]) -> None:
         try:

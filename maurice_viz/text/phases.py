@@ -101,12 +101,12 @@ def _done(record: StepRecord, scale: Scale) -> str:
     match = (
         NOT_COMPARED if first is None else f"Best match: entry {first}, quality {seen.quality[first]:.3f}."
     )
-    kept = "Resampled." if record.parents is not None else "Not resampled."
+    resampling = "Resampled." if record.parents is not None else "Not resampled."
     if record.injected is not None:
         test = record.recovery_test
         why = f"{capital(say_recovery_test(test))}: " if test else ""
-        kept = f"{kept} {why}**{int(record.injected.sum())} fresh** particles."
-    return f"Odometry says {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
+        resampling = f"{resampling} {why}**{int(record.injected.sum())} fresh** particles."
+    return f"Odometry says {motion(record.frame.motions, scale)}. {match} {effective(record)} {resampling}"
 
 
 # What one phase did.

@@ -199,16 +199,18 @@ def _resampled(steps: Mapping[str, Step], scale: Scale) -> str:
             worth = f"{record.effective_sample_size:,.0f} of {size} equal dots"
             rest.append(f"`{label}` is not resampled, as its cloud is worth {worth}")
             continue
-        kept = survivors(record)
+        survivor_rows = survivors(record)
         is_same = bool(parts) and f" of {size} dots" in parts[0]
-        head = f"`{label}` {'' if parts else 'keeps '}{len(kept):,}"
+        head = f"`{label}` {'' if parts else 'keeps '}{len(survivor_rows):,}"
         head += "" if is_same else f" of {size} dots"
         if moment.truth is not None:
             radius_m = share * _radius_m(record)
             near = _near(record.weighted, moment.truth, radius_m)
             place = "there" if parts else f"within {scale.say(radius_m)} of the truth"
             all_near = int(near.sum())
-            head += f", {near[kept].sum():,} of {all_near:,} {place}" if all_near else f" (none {place})"
+            head += (
+                f", {near[survivor_rows].sum():,} of {all_near:,} {place}" if all_near else f" (none {place})"
+            )
         parts.append(head)
     return f"{'; '.join([*parts, *rest])}."
 

@@ -108,7 +108,7 @@ def tour_pages(
             parts.append(f"Next: **step {tour[passed + 1].step}**, {names[passed + 1]}.")
         command = open_command(opens, Place(step, Phase.WEIGHT))
         walk = f" Phase by phase: `{command}`" if opens and explained.endswith(GO_THERE) else ""
-        whole, short = (" ".join(filter(None, kept)) for kept in (parts, [title, *parts[2:]]))
+        whole, short = (" ".join(filter(None, sentences)) for sentences in (parts, [title, *parts[2:]]))
         pages = [(text, below) for text in (whole, short) for below in (explained + walk, explained)]
         fitting = (page for page in pages if sum(map(len, page)) <= letters)
         yield step, "\n\n".join(filter(None, next(fitting, (short,))))

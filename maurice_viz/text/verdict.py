@@ -160,8 +160,8 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
     if last.kind == SEARCHING:
         return Outcome("found {itself}, after a wrong place", step, "at step ", alone=fresh)
     if len(episodes) == 1:
-        found = "found {itself} again" if last.lost is None else "{was} lost, and found {itself} again"
-        did = found if last.given is None else "{was} lost until somebody gave a pose"
+        recovery = "found {itself} again" if last.lost is None else "{was} lost, and found {itself} again"
+        did = recovery if last.given is None else "{was} lost until somebody gave a pose"
         drawn = BY_SCANS if _redrawn(verdict, last) == DRAWS_WHERE_LIKELY else fresh
         later = f", {last.localized - last.onset} steps later" if last.lost is not None else ""
         return Outcome(did, step, "at step ", alone=f"{later}{drawn}{because}")
@@ -232,9 +232,9 @@ def off_at(end: StepScore | None, scale: Scale) -> str:
 def account(verdicts: Mapping[str, RunVerdict], scale: Scale) -> list[str]:
     """Return what happened, a sentence each: to the robot, then how and why each run was wrong."""
     runs = verdicts.values()
-    told = {(failure.kind, failure.first) for run in runs for failure in run.failures}  # with its numbers
+    reasons = {(failure.kind, failure.first) for run in runs for failure in run.failures}  # with its numbers
     befell = [incident for run in runs for incident in run.telling_incidents]
-    incidents = [incident for incident in befell if (incident.about.cause, incident.step) not in told]
+    incidents = [incident for incident in befell if (incident.about.cause, incident.step) not in reasons]
     lines = list(dict.fromkeys(f"{capital(say_incident(incident, scale))}." for incident in incidents))
     for label, verdict in verdicts.items():
         name = f"`{label}`: " if len(verdicts) > 1 else ""

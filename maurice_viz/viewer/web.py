@@ -186,10 +186,10 @@ class _Answers(BaseHTTPRequestHandler):
         self.send_response(status)
         self.send_header("Content-Type", KINDS.get(Path(name).suffix, "text/html"))
         self.send_header("Content-Length", str(size))
-        kept = (
+        caching = (
             "max-age=604800" if urlsplit(self.path).query else "no-store"
         )  # such an address has the version
-        self.send_header("Cache-Control", kept)
+        self.send_header("Cache-Control", caching)
         self.end_headers()
 
 

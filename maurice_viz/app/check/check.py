@@ -89,9 +89,9 @@ def check(
         expect_new_artifacts(folder, force=force)
     baseline = None if against is None else read_baseline(Path(against))
     at = Path(library) if isinstance(library, str) else library
-    asked = CheckedFilter(spec, at, demands, seeds, baseline, folder, reading or Reading())
+    checked_filter = CheckedFilter(spec, at, demands, seeds, baseline, folder, reading or Reading())
     drives = [session] if isinstance(session, (str, Path, RecordedSession)) else session
-    result = CheckResult(_checked(asked, drives, listener))
+    result = CheckResult(_checked(checked_filter, drives, listener))
     if junit is not None:
         _write(junit, result.to_junit().encode(), force)
     if save_baseline is not None:

@@ -101,7 +101,7 @@ class DriveCheck:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
-        told = {
+        values = {
             "session": self.session,
             "path": self.path,
             "passed": self.passed,
@@ -113,7 +113,7 @@ class DriveCheck:
             "runs": [self._run(run) for run in self.runs],
             "failure": self.failure,
         }
-        return plain(told)
+        return plain(values)
 
     def _run(self, run: RunJudgement) -> dict[str, Any]:
         first = run.first_failed_at

@@ -176,8 +176,8 @@ class OperatorsDesk:
         happened = [text for text in moment.events if not text.startswith("floor")]
         parts = [f"step {moment.frame.step}", f"{self._scale.say(off_m)} off", str(self._spec.preset)]
         by = [self._robot.behavior] if self._robot.behavior else []
-        told = self._told or ", ".join(dict.fromkeys([*happened, *by]))
-        return " | ".join([*parts, told] if told else parts)
+        message = self._told or ", ".join(dict.fromkeys([*happened, *by]))
+        return " | ".join([*parts, message] if message else parts)
 
 
 class SensorInUse:

@@ -63,8 +63,8 @@ def drive(
     output = output_of("drive", output, to, force=force)
     robot = TeleoperatedRobot(plan)
     library = library_at(robot.known(listener.progress), listener)
-    asked, laser = filter_of(filter), plan.laser
-    spec = asked if asked.preset else asked.set(preset=LASER if laser else ROBUST)
+    base, laser = filter_of(filter), plan.laser
+    spec = base if base.preset else base.set(preset=LASER if laser else ROBUST)
     desk = OperatorsDesk(robot, library, spec, Path(folder), listener)
     sensor = cast(SensorModel, SensorInUse(desk))
     view = replace(RunView.of(LABEL, desk.run.localizer), localizer=None, sensor=sensor)  # judged by records

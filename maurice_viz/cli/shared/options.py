@@ -288,9 +288,9 @@ def filter_from(options: Any, **more: Any) -> Filter:
     from ...running.filters import Filter
 
     names = ("preset", "feature", "particles", "start", "config")
-    asked = {name: value for name in names if (value := getattr(options, name, None)) is not None}
+    values = {name: value for name in names if (value := getattr(options, name, None)) is not None}
     return Filter(
-        settings=settings_of(options.settings), sensors=sensors_of(options.sensors), **asked, **more
+        settings=settings_of(options.settings), sensors=sensors_of(options.sensors), **values, **more
     )
 
 
@@ -316,29 +316,29 @@ class FiltersSet:
         """
         from ...running.filters import Filter
 
-        given = {field: getattr(self, option) or () for field, option in FILTERS.items()}
-        given["settings"] = _settings_of_each(self.settings or ())
-        several = [kind for kind, values in given.items() if len(values) > 1]
+        values_of = {field: getattr(self, option) or () for field, option in FILTERS.items()}
+        values_of["settings"] = _settings_of_each(self.settings or ())
+        several = [kind for kind, values in values_of.items() if len(values) > 1]
         if sessions > 1 and several:
             raise OptionError(f"sessions are compared with one filter; give --{_option(several[0])} once")
         if len(several) > 1:
             words = " and ".join(f"--{_option(kind)}" for kind in several)
             raise OptionError(f"{words} are given several times; give exactly one option several times")
-        amcl = given["config"] and Filter(config=given["config"][0]).amcl
-        if amcl and given["preset"] and several in ([], ["config"], ["preset"]):
+        amcl = values_of["config"] and Filter(config=values_of["config"][0]).amcl
+        if amcl and values_of["preset"] and several in ([], ["config"], ["preset"]):
             apart = (
-                self._each("config", {**given, "preset": ()}),
-                self._each("preset", {**given, "config": ()}),
+                self._each("config", {**values_of, "preset": ()}),
+                self._each("preset", {**values_of, "config": ()}),
             )
             return [*apart[0], *apart[1]]
-        if not (self.sensors or any(given.values())):
+        if not (self.sensors or any(values_of.values())):
             return []
         if sessions > 1 or several:
-            given["seed"] = given["seed"] or [0]
-            return self._each(several[0] if several else "seed", given)
-        if given["feature"]:
+            values_of["seed"] = values_of["seed"] or [0]
+            return self._each(several[0] if several else "seed", values_of)
+        if values_of["feature"]:
             raise OptionError(f"found 1 run to compare; give one of {KINDS} several times")
-        return self._each("feature", {**given, "feature": COLOR_AND_BLENDED})
+        return self._each("feature", {**values_of, "feature": COLOR_AND_BLENDED})
 
     def _each(self, kind: str, given: Mapping[str, Sequence[Any]]) -> list[Filter]:
         """Return a filter for each value of one option; the first of every other holds for all."""

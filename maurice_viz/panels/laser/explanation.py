@@ -97,8 +97,8 @@ class ScanExplanationPanel(Panel):
 
 def proposed(comparison: Comparison) -> PoseProposal | None:
     """Return what the laser proposed, if the filter asked for it: asking now would search the map."""
-    asked = [each for each in comparison.sensed if each.name == LASER and "proposal" in each.__dict__]
-    return asked[0].proposal if asked else None
+    readings = [each for each in comparison.sensed if each.name == LASER and "proposal" in each.__dict__]
+    return readings[0].proposal if readings else None
 
 
 def scan_map_view(run: RunView, scene: Scene) -> rrb.Spatial2DView:

@@ -33,13 +33,13 @@ def scan_words(judgment: BeamJudgment, proposal: PoseProposal | None, scale: Sca
 
 def say_beams(name: str, judgment: BeamJudgment, nats: float, scale: Scale) -> str:
     """Return how many beams are what at a pose: "At the truth 58 of 60 beams agree with the map, ..."."""
-    told = [
+    parts = [
         f"{judgment.count(kind)} {said}{f' ({scale.say(judgment.gap_m(kind))})' if kind in WITH_GAP else ''}"
         for kind, said in list(BEAMS.items())[1:]
         if judgment.count(kind)
     ]
     first = f"{judgment.count('agrees')} of {len(judgment.judged)} beams agree with the map"
-    return f"At the {name} {', '.join([first, *told])}: {nats:.1f} nats."
+    return f"At the {name} {', '.join([first, *parts])}: {nats:.1f} nats."
 
 
 def scan_table(
