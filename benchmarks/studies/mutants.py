@@ -20,7 +20,11 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("mcl/reasons", "mcl/scoring")
-QUICK = ("tests/mcl/reasons/test_thresholds.py", "tests/mcl/scoring/test_thresholds.py")
+QUICK = (
+    "tests/mcl/reasons/test_thresholds.py",
+    "tests/mcl/reasons/test_reason_thresholds.py",
+    "tests/mcl/scoring/test_thresholds.py",
+)
 TESTS = ("tests/mcl/reasons", "tests/mcl/scoring", "tests/golden")
 TIMES, ASKED = 1.3, "MAURICE_MUTANT"  # FILE:NUMBER of the constant
 
