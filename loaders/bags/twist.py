@@ -23,7 +23,7 @@ LEAST_SPEED = 0.02  # m/s or rad/s, of a robot that moves
 
 @dataclass(slots=True)
 class SpeedSum:
-    """The pose (3,) that speeds lead to: between two messages the mean of both holds."""
+    """The pose (3,) that speeds add up to; between two messages, the mean of both speeds counts."""
 
     pose: F64 = field(default_factory=lambda: np.zeros(3))
     _last: tuple[float, F64] | None = None  # time and speeds (3,) of the last message
@@ -52,9 +52,9 @@ class TwistReader(OneTopic):
 
 
 def speed_of_still_poses(open_bag: OpenBag, path: Path, topic: str) -> float:
-    """Return the highest speed in m/s or rad/s of odometry whose poses never move; 0 where they do.
+    """Return the highest speed in m/s or rad/s of odometry whose poses never move; 0 if they move.
 
-    It stops at the first pose that is another.
+    Reading stops at the first pose that differs.
     """
     first, fastest = None, 0.0
     with open_bag(path) as bag:

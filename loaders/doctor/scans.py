@@ -54,9 +54,9 @@ class _Pair:
 def examine_scans(
     scans: RecordedScans, drive: RecordedDrive, near_s: float
 ) -> tuple[RecordedScans, list[Finding], str]:
-    """Return scans without the robot itself, what is wrong, and what was asked.
+    """Return scans without the robot itself, what is wrong, and what was checked.
 
-    Pictures take scans within `near_s`.
+    A scan within `near_s` of a picture counts as its own.
     """
     findings, check = _truth_is_odometry(drive), f"{scans.size} scans"
     findings += _unused(scans, drive, near_s)
@@ -76,7 +76,7 @@ Path = tuple[F64, F64]  # times (K,) and poses (K, 3)
 
 
 def truth_path(drive: RecordedDrive) -> Path | None:
-    """Return the true poses; None for few."""
+    """Return the true poses; None if there are too few."""
     truth = drive.truth  # carried off it went too far between two scans for a pair
     return (truth.t_s, truth.poses) if truth.size >= FEWEST_PAIRS else None
 
@@ -150,7 +150,7 @@ def _mirrored(points: C128, sign: int) -> C128:
 
 
 def _mounts(pairs: list[_Pair]) -> list[Finding]:
-    """Return how the laser would have to be mounted, if that is another way than the recording says."""
+    """Return how the laser would have to be mounted, if that differs from the recording."""
     usual = np.concatenate([_apart(pair) for pair in pairs])
     some, yaws = pairs[:: max(len(pairs) // 30, 1)], YAWS[::2]
     tried = {sign: np.mean([_apart(pair, yaws, sign) for pair in some], axis=0) for sign in (1, -1)}
@@ -169,7 +169,7 @@ def _mounts(pairs: list[_Pair]) -> list[Finding]:
 
 
 def _elsewhere(pairs: list[_Pair]) -> list[Finding]:
-    """Return where the laser is on the robot, if elsewhere than recorded: only turns tell."""
+    """Return where the laser is on the robot, if not where the recording says; only turns show it."""
     turning = [pair for pair in pairs if abs(wrap_angle(float(pair.motion[2]))) >= TURN_RAD[0]]
     if len(turning) < FEWEST_PAIRS:
         return []
@@ -216,7 +216,7 @@ def _own_body(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
 
 
 def _near(t_s: F64, others: F64, near_s: float) -> float:
-    """Return the share of the rarer of two lists of times that has one of the other within `near_s`."""
+    """Return the share of the shorter list of times that has a time of the other within `near_s`."""
     few, many = sorted((np.sort(t_s), np.sort(others)), key=len)
     after = (
         np.clip(np.searchsorted(many, few), 1, len(many) - 1) if len(many) > 1 else np.zeros(len(few), int)
@@ -226,7 +226,7 @@ def _near(t_s: F64, others: F64, near_s: float) -> float:
 
 
 def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
-    """Return by how much the scans' clock is off the odometry's."""
+    """Return by how much the scans' clock differs from the odometry's."""
     pairs, totals = _pairs(scans, t_s, poses, LATE_PAIRS), list[F64]()
     if len(pairs) < FEWEST_PAIRS:
         return []

@@ -26,9 +26,9 @@ NEAR_M, FITS_AT_TRUTH = 0.5, 0.6
 def examine_map(
     scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap, known: list[Finding]
 ) -> tuple[list[Finding], list[str]]:
-    """Return what is wrong with a map or with the laser on it, and what was asked.
+    """Return what is wrong with a map or with the laser on it, and what was checked.
 
-    `known` are findings about the scans: with a laser that is mounted otherwise, true poses tell nothing.
+    `known` are findings about the scans: if the laser is mounted differently, true poses say nothing.
     """
     codes, truth = {finding.code for finding in known}, truth_path(drive)
     there, elsewhere = None, list[Finding]()
@@ -48,7 +48,7 @@ def examine_map(
 def _searched(
     scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None, *, mirrored: bool
 ) -> tuple[list[Finding], str]:
-    """Return what is wrong with the map where scans fit best, and how well; mirrored ones do by chance."""
+    """Return what is wrong with the map, and what was checked; mirrored scans show what fits by chance."""
     chosen = np.linspace(0, scans.size - 1, min(scans.size, MATCHED)).round().astype(int)
     numbers = list(dict.fromkeys(chosen.tolist()))
     some = [scans.scans[k] for k in numbers]

@@ -167,7 +167,7 @@ class TableRecording:
         return number_of(self.table, row, word, f"{column.name}", 1e9) * factor(role, column)
 
     def _number(self, role: str, row: Row, words: list[str]) -> str:
-        """Return a word that is a number; where no comma separates, it may be a decimal one."""
+        """Return a word that is a number; where no comma separates, it may have a decimal comma."""
         word = self._word(role, row, words)
         return word if self.head.separator == "," else word.replace(",", ".")
 

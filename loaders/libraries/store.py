@@ -147,7 +147,7 @@ class _Rows:
 
 
 def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
-    """Return the named channels, or all; FieldError for a name that is none."""
+    """Return the named channels, or all; FieldError for an unknown name."""
     unknown = [name for name in names or () if name not in CHANNELS]
     if unknown:
         raise FieldError(f"found channel {unknown[0]!r}, {expected_one_of(unknown[0], CHANNELS)}")
@@ -175,7 +175,7 @@ def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
 
 
 def silent(text: str) -> None:
-    """Drop a warning that nobody asked for."""
+    """Ignore a warning."""
 
 
 __all__ = ["build_library", "library_key", "load_library", "open_library", "save_library"]

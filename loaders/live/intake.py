@@ -37,7 +37,7 @@ class Received:
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of what a source sent so far."""
+    """What a source sent so far, counted."""
 
     records: int = 0
     pictures: int = 0
@@ -47,7 +47,7 @@ class Counts:
 
     @property
     def observed(self) -> str:
-        """What came of that which makes moments, in words: "14 pictures", "3 pictures and 40 scans"."""
+        """How many records that make moments came, in words: "14 pictures", "3 pictures and 40 scans"."""
         numbers = {"picture": self.pictures, "scan": self.scans}
         parts = [f"{count} {name}{'s' * (count != 1)}" for name, count in numbers.items() if count]
         return " and ".join(parts) or "no pictures"

@@ -70,7 +70,7 @@ class ChosenTopics:
 
     @property
     def robot(self) -> str:
-        """The robot's frame, where the odometry is that of two frames; "" else."""
+        """The robot's frame, if odometry is the transform between two frames; else ""."""
         return "" if self.odometry is None or self.odometry.frames is None else self.odometry.frames[1]
 
     @property
@@ -207,14 +207,14 @@ class Translator:
             yield from self._ready()
 
     def _begin_anew(self) -> Iterator[dict[str, Any]]:
-        """Yield what waits, then a header: poses from before the clock was set back count no more."""
+        """Yield what waits, then a header: poses from before the clock was set back no longer count."""
         yield from self._ready(whatever=True)
         self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
         self._last_pose, self._last_s = None, float("-inf")
         yield header_of(self._name)
 
     def _ready(self, *, whatever: bool = False) -> Iterator[dict[str, Any]]:
-        """Yield the lines of what waits no longer; with `whatever`, of all that waits."""
+        """Yield the lines of what no longer waits; with `whatever`, of all that waits."""
         while self._waiting:
             t_s, since_s, seen = self._waiting[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s

@@ -79,7 +79,7 @@ def header_of(name: str, **known: Any) -> dict[str, Any]:
 
 
 def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
-    """Return the header of a log in `folder`: what is known; an absolute survey relative to it."""
+    """Return the header of a log in `folder`: what is known, and the survey's path relative to it."""
     header = header_of(info.name, kind=kind)
     header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
     header["cameras"] = {camera.name: camera_to_json(camera) for camera in info.cameras}

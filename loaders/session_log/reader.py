@@ -27,8 +27,9 @@ ADVICE: dict[Kind, str] = {
 class LogRecording:
     """A session log on disk, or in a folder as `session.log`; pictures that no step uses are `LeftOut`.
 
-    The header is read at once. InputError for what is no log, a survey unless `any_kind`, and a camera that
-    the header does not have. With `unchecked`, times may fall and numbers may be of nearly any size.
+    The header is read at once. InputError for a file that is no log, a survey unless `any_kind`, and a
+    camera that the header does not have. With `unchecked`, times may fall and
+    numbers may be of nearly any size.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class SurveyPicture:
 
 
 class SurveyLog(HasReadingNotes):
-    """A survey log on disk. InputError for what is none, and for a broken line unless `keep_going`."""
+    """A survey log on disk. InputError for a file that is none, and for a broken line unless `keep_going`."""
 
     def __init__(self, path: Path, options: Reading | None = None) -> None:
         self._options = options or Reading()
@@ -115,7 +116,7 @@ class SurveyLog(HasReadingNotes):
 
 
 class CameraChoice:
-    """Decides whose pictures are read: the named camera's, or that of the first one seen."""
+    """Decides which camera's pictures are read: the named one's, or the one's that comes first."""
 
     def __init__(self, name: str | None, notes: ReadingNotes) -> None:
         self._name = name
@@ -133,7 +134,7 @@ class CameraChoice:
 
 
 def camera_of(path: Path, info: SessionInfo, wanted: str | None) -> str | None:
-    """Return the camera to read: as wanted, else the header's first. InputError for one that is not there."""
+    """Return the camera to read: the wanted one, else the header's first. InputError if it does not exist."""
     known = [camera.name for camera in info.cameras]
     return camera_named(path, known, wanted, 1) if known else wanted
 

@@ -54,8 +54,8 @@ class MotionModel(Protocol):
 class FloorDrift:
     """How the heading drifts on one floor while driving straight, counter-clockwise.
 
-    In proportion to the distance, and by so much a straight, however long it is: the second is how the thesis
-    adds it (3.2).
+    One part is in proportion to the distance, the other the same for every straight, however long, as in the
+    thesis (3.2).
     """
 
     bias_rad_per_m: float = 0.0  # mean drift; backward clockwise
@@ -150,7 +150,7 @@ class OdometryParameters:
 def turns_of(motion: F64, way_from_m: float) -> tuple[float, float]:
     """Return the turns in rad before and after the straight of a movement (3,), as far as they make noise.
 
-    A robot may drive forward or backward: of both, the smaller turns (AMCL treats both alike, too). The
+    A robot may drive forward or backward: the smaller of both turns counts (AMCL treats both alike, too). The
     direction of a straight shorter than `way_from_m` counts as no turn.
     """
     forward, left, turn = (float(v) for v in motion)
@@ -371,7 +371,7 @@ def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
 
 
 def keep_in(before: Belief, moved: Belief) -> Belief:
-    """Return a moved cloud that stays where it was before and only turns.
+    """Return a moved cloud put back to where it was before: it only turns.
 
     A robot cannot drive out of free space. A particle that does gets the weight zero and is not resampled;
     where that would leave none, the cloud is kept in, or it would drive away from the map for good.

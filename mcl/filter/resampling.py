@@ -84,7 +84,7 @@ RESAMPLERS: Mapping[str, Resampler] = MappingProxyType(
 
 
 def resampler_of(name: str) -> Resampler:
-    """Return the scheme of a name: ours, or a function of the user's. ValueError where it is not at hand.
+    """Return the scheme of a name: ours, or a function of the user's. ValueError if it is not available.
 
     What a user's function raises, and anything but n numbers of particles, is an InputError of one line.
     """

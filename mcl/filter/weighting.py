@@ -42,7 +42,7 @@ class Weighting:
         return self.log_evidence == -np.inf and not self.is_broken
 
     def references_speak(self) -> bool:
-        """Return whether references speak for half of the cloud: else no picture tells that it is lost."""
+        """Return whether references speak for half of the cloud; else no picture can show that it is lost."""
         known, weights = self.sighting.known, np.exp(self.proposed.prior_log_weights)
         return known is None or float(weights @ known) >= KNOWN_SHARE * float(weights.sum())
 
@@ -75,5 +75,5 @@ def calibrated_evidence(proposed: ProposedParticles, sighting: Sighting) -> tupl
 
 
 def usable_evidence(evidence: float, left: bool) -> float:
-    """Return what recovery is told: -inf where the cloud left the map, or the evidence is no number."""
+    """Return the evidence for recovery: -inf if the cloud left the map or the evidence is no number."""
     return -np.inf if left or np.isnan(evidence) else evidence

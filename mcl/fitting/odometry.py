@@ -51,7 +51,7 @@ class LinearOdometry:
     variances: tuple[str, ...] = ("turn_from_turn", "turn_from_way", "way_from_way", "way_from_turn")
 
     def linear(self, segment: MotionSegment, means: F64) -> LinearMotion:
-        """Return a segment; the constants (P,) of the mean are none."""
+        """Return a segment; the mean has no constants (P = 0)."""
         poses = [np.zeros(3)]
         for motion in segment.motions:
             poses.append(compose(poses[-1], motion))
@@ -70,7 +70,7 @@ class LinearOdometry:
         return LinearMotion(end, np.zeros((3, 0)), parts)
 
     def defaults(self) -> tuple[F64, F64]:
-        """Return usual constants of the mean (P,), none, and usual variances (Q,)."""
+        """Return no constants of the mean (P = 0), and usual variances (Q,)."""
         usual = OdometryParameters()
         return np.zeros(0), np.array([getattr(usual, name) for name in self.variances])
 
@@ -143,7 +143,7 @@ LinearModel: TypeAlias = LinearOdometry | LinearMaurice
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearDrive:
-    """N segments by a motion model, to first order, with what the measuring of the truth adds."""
+    """N segments by a motion model, to first order, with the error of the measured truth."""
 
     ends: F64  # (N, 3) by the measured motions
     errors: F64  # (N, 3) what is left to where they really ended
@@ -165,7 +165,7 @@ class LinearDrive:
 
 
 def linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64, place: F64) -> LinearDrive:
-    """Return segments at the constants (P,) of a model's mean, with truth of a place (2,) on the robot."""
+    """Return segments at the constants (P,) of a model's mean; truth is of a place (2,) on the robot."""
     before = _wheels(np.array([segment.before for segment in segments]), place)
     after = _wheels(np.array([segment.after for segment in segments]), place)
     ends_of = zip(before, segments, after, strict=True)
@@ -188,7 +188,7 @@ def _wheels(poses: F64, place: F64) -> F64:
 
 
 def _swing(ends: F64) -> F64:
-    """Return how ends of paths (N, 3) change with the place on the robot that truth is of (N, 3, 2)."""
+    """Return how ends of paths (N, 3) change with the place of the truth on the robot: (N, 3, 2)."""
     cos, sin, none = np.cos(ends[:, 2]), np.sin(ends[:, 2]), np.zeros(len(ends))
     return np.array([[cos - 1, -sin], [sin, cos - 1], [none, none]]).transpose(2, 0, 1)
 

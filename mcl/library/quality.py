@@ -140,7 +140,7 @@ class SelfSimilarity:
 
     @property
     def confused(self) -> I32:
-        """Entries with an alias that have most of their likelihood at far entries, the most first."""
+        """Entries with an alias and most of their likelihood at far entries, those with the most first."""
         worst = np.argsort(-self.confusion, kind="stable")
         is_so = (self.confusion > CONFUSED_SHARE) & (self.margin < 0)
         return np.asarray(worst[is_so[worst]], np.int32)

@@ -31,7 +31,7 @@ class Ranking:
     distance: F64  # (Q,) to the first reference of all: the smaller, the surer
 
     def among(self, first: int) -> Bool:
-        """Return whether a right reference is among the first so many (Q,)."""
+        """Return for each picture (Q,) whether a right reference is among its `first` matches."""
         return np.asarray(self.rank <= first)
 
     def curve(self) -> tuple[F64, F64]:
@@ -136,7 +136,10 @@ def right_references(poses: F64, truth: F64, right_m: float) -> Bool:
 
 
 def stretches_of(poses: F64, right_m: float) -> I64:
-    """Number the stretches (Q,) of a drive of true poses (Q, 3), each `STRETCH` radii of way and turn."""
+    """Number the stretches (Q,) of a drive of true poses (Q, 3), each `STRETCH` radii long.
+
+    A turn by 45 degrees counts as a radius.
+    """
     steps = np.diff(poses, axis=0)
     way = np.hypot(steps[:, 0], steps[:, 1]) / right_m + np.abs(wrap_angle(steps[:, 2])) / np.radians(45)
     driven = np.concatenate([np.zeros(min(len(poses), 1)), way.cumsum()])

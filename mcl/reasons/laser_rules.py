@@ -101,7 +101,7 @@ def scene_changed(story: Story) -> Failure | None:
 
 
 def wrong_start(story: Story) -> Failure | None:
-    """The run began together, at a place where the robot was not."""
+    """All particles began at one place, and the robot was elsewhere."""
     first = story.updates[0]
     off_m = first.score.error_m
     if story.since > 0 or off_m is None or not first.began_together or not first.score.lost:
@@ -200,7 +200,7 @@ def _bad(story: Story) -> list[UpdateEvidence]:
 
 
 def _since(bad: list[UpdateEvidence], story: Story) -> int:
-    """Return the first step of the bad scans in a row that these begin with."""
+    """Return the step from which on scans were bad without a gap up to the first of these."""
     k = next(k for k in story.pictures if story.updates[k] is bad[0])
     while k > 0 and _is_bad(story.updates[k - 1]):
         k -= 1

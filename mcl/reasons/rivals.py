@@ -1,7 +1,7 @@
-"""What other runs over the same drive tell of a run that is doubted without truth: where they are instead.
+"""Other runs over the same drive as evidence on a run that is doubted without truth: where they are instead.
 
 A run's own pictures tell only that they do not fit where it is. Another run that knows where it is, far from
-there, is evidence that does not hang on the doubted estimate.
+there, is evidence that does not depend on the doubted estimate.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MOST_SHARE = 0.5  # of the steps of a doubt, at which another run knows where it
 
 
 def with_rivals(verdicts: Mapping[str, RunVerdict], tables: Mapping[str, RunTable]) -> dict[str, RunVerdict]:
-    """Return the verdicts; a doubted run's say which other run the same pictures fit elsewhere.
+    """Return the verdicts; that of a doubted run names the run elsewhere whose place fits the same pictures.
 
     `tables` are those of the runs that share one drive.
     """

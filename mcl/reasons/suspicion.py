@@ -1,7 +1,7 @@
-"""The rules that are asked of a run without ground truth, which was probably lost by the second opinion.
+"""Rules for a run without ground truth, which was probably lost by the second opinion.
 
 The estimate of a run that is probably lost is no place to compare anything with. So a cause is named only by
-what does not hang on it: the log, the recording, the weights, and how well the best reference of the whole
+what does not depend on it: the log, the recording, the weights, and how well the best reference of the whole
 library explains the pictures, and how light they are beside all of these. Everything else is not known: that
 the cloud fits no longer is what a robot that was carried has in common with wheels that spin, a start that is
 wrong and a light that changed (docs/diagnose.md has how often each is named).
@@ -46,7 +46,7 @@ def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
 
 
 def told_carried(story: Story) -> Failure | None:
-    """The log tells that the robot was carried."""
+    """The log says that the robot was carried."""
     updates = story.where(story.doubted, lambda u: u.kidnapped)
     return story.failure(KIDNAPPED, updates[0].step, told=LOG_SAYS) if updates else None
 
@@ -128,7 +128,7 @@ def _levels(story: Story) -> dict[str, float]:
 
 
 def _beyond(level: float, levels: F64 | None) -> tuple[float, float] | None:
-    """Return how many times as light as the darkest or the lightest reference, and that one's level.
+    """Return the ratio of a level to that of the darkest or lightest reference, and the reference's level.
 
     None for a level (0 to 255) within those (L, 3) of the references.
     """

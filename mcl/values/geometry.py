@@ -79,7 +79,7 @@ def motion_between(before: F64, after: F64) -> F64:
 
 
 def inverse(motion: F64) -> F64:
-    """Return the motion (3,) that takes one (3,) back: `compose(compose(pose, motion), inverse(motion))`."""
+    """Return the motion (3,) that undoes another (3,): `compose(compose(pose, motion), inverse(motion))`."""
     return motion_between(motion, np.zeros(3))
 
 

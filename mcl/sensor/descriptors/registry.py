@@ -294,7 +294,7 @@ def weights_of(feature: str) -> dict[str, float]:
 
 
 def settings_of_feature(feature: str) -> dict[str, Any]:
-    """Return what a feature sets, by key of the configuration; of a network the channel that it is, too."""
+    """Return what a feature sets, by key of the configuration; for a network, also the channel that it is."""
     channels = {"sensor.channels": [feature]} if is_network(feature) else {}
     return {"sensor.weights": weights_of(feature)} | channels
 

@@ -62,11 +62,11 @@ class _Matched:
         return self.poses, self.edges, self.pixels
 
     def disagreement(self, camera: PinholeCamera) -> F64:
-        """Return by how many pixels (E,) the two views of each thing disagree; infinite if it is nowhere."""
+        """Return by how many pixels (E,) a match's two views differ; infinite if their rays do not meet."""
         return disagreement(camera, self.poses, self.pixels, (self.edges[:, 0], self.edges[:, 2]))
 
     def agreement(self, camera: PinholeCamera) -> float:
-        """Return what share of the things that are somewhere both views agree on."""
+        """Return the share of matches whose views agree, of those whose rays meet."""
         off = self.disagreement(camera)
         return float(np.sum(off < AGREE_PX) / max(np.sum(np.isfinite(off)), 1))
 

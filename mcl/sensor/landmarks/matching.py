@@ -115,7 +115,7 @@ def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
 
 
 def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], ends: Ends) -> F64:
-    """Return by how many pixels two views of each thing disagree in its height; infinite if it is nowhere.
+    """Return by how many pixels two views of each match differ in height; infinite if their rays do not meet.
 
     `pixels` are (E, 2) in either picture, `ends` the numbers (E,) of the pictures.
     """
