@@ -46,15 +46,15 @@ class Address:
 
 def parse_address(text: str) -> Address:
     """Read tcp://HOST:PORT. ValueError for anything else."""
-    wanted = f"found {text!r}, expected tcp://HOST:PORT, for example tcp://127.0.0.1:5005"
+    fault = f"found {text!r}, expected tcp://HOST:PORT, for example tcp://127.0.0.1:5005"
     try:
         parts = urlsplit(text)
         host, port = parts.hostname, parts.port
     except ValueError:
-        raise ValueError(wanted) from None
+        raise ValueError(fault) from None
     extra = parts.path or parts.query or parts.fragment or parts.username
     if parts.scheme != "tcp" or not host or port is None or extra:
-        raise ValueError(wanted)
+        raise ValueError(fault)
     return Address(host, port)
 
 

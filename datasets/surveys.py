@@ -110,12 +110,12 @@ def write_survey(
 ) -> None:
     """Write the covered pictures, then every reference with its nominal pose, or those at `poses` (L, 3)."""
     nominal, first = (reference_poses(world.nodes, surveyor.headings), 0) if poses is None else (poses, LATER)
-    taken = references(nominal, camera, surveyor, first)
+    pictures = references(nominal, camera, surveyor, first)
     with SessionWriter(path, _survey_info(world, camera), kind="survey") as log:
         for number in range(surveyor.covered):
             log.image(number * FRAME_S, camera.take_covered(number), covered=True, camera="front")
         t_s = surveyor.covered * FRAME_S
-        for number, (pose, picture) in enumerate(taken, start=1):
+        for number, (pose, picture) in enumerate(pictures, start=1):
             log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
             report(number, len(nominal), "survey")
 

@@ -151,9 +151,9 @@ def _parameters(file: Path, robot: Collection[str]) -> tuple[Section, str]:
         expected = "expected laser_model_type, max_beams, alpha1 and the like, as in Nav2's nav2_params.yaml"
         others = "; it has names that emcl shares with it" if sections else ""
         raise InputError(file, f"found no parameters of AMCL, {expected}{others}")
-    used, why = _of_robot(own, _namespaces(robot))
-    several = f"found {len(own)} sections of AMCL's parameters ({', '.join(own)}): {used} is used, {why}"
-    return _nested(own[used]), several if len(own) > 1 else ""
+    node, why = _of_robot(own, _namespaces(robot))
+    several = f"found {len(own)} sections of AMCL's parameters ({', '.join(own)}): {node} is used, {why}"
+    return _nested(own[node]), several if len(own) > 1 else ""
 
 
 _ROBOTS_OWN = ("scan_topic", "base_frame_id", "odom_frame_id")  # parameters that may name a robot
@@ -162,9 +162,9 @@ _ROBOTS_OWN = ("scan_topic", "base_frame_id", "odom_frame_id")  # parameters tha
 def _of_robot(sections: Mapping[str, Section], robot: Set[str]) -> tuple[str, str]:
     """Return the section with most of a robot's namespaces and least of others', and why it is used."""
     of = {name: _namespaces([name, *map(part.get, _ROBOTS_OWN)]) for name, part in sections.items()}
-    used = max(sections, key=lambda name: (len(of[name] & robot), -len(of[name] - robot)))
-    shared = ", ".join(sorted(of[used] & robot))
-    return used, f"as the recording is of {shared}" if shared else "as the recording names no robot of these"
+    node = max(sections, key=lambda name: (len(of[name] & robot), -len(of[name] - robot)))
+    shared = ", ".join(sorted(of[node] & robot))
+    return node, f"as the recording is of {shared}" if shared else "as the recording names no robot of these"
 
 
 def _namespaces(names: Iterable[Any]) -> Set[str]:

@@ -67,8 +67,8 @@ def _check_columns(file: Path, columns: Sequence[str]) -> None:
     missing = [name for name in NEEDED if name not in columns]
     if unknown or missing or len(set(columns)) < len(columns):
         names = ", ".join(columns) or "none"
-        wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
-        raise InputError(file, f"found columns {names}; expected {wanted}, each once", 1)
+        columns_in_words = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
+        raise InputError(file, f"found columns {names}; expected {columns_in_words}, each once", 1)
 
 
 # Pictures taken with the lens covered, from a survey log, its folder, or a folder of pictures.
@@ -100,15 +100,15 @@ def _of_log(log: Path) -> Iterator[U8]:
             except PictureError as problem:
                 raise InputError(log, f"{record.picture.name}: {problem}", record.picture.line) from None
     if none:
-        wanted = "expected some taken with the lens cap on"
-        raise InputError(log, f'found no picture with "covered": true, {wanted}')
+        advice = "expected some taken with the lens cap on"
+        raise InputError(log, f'found no picture with "covered": true, {advice}')
 
 
 def _of_folder(folder: Path) -> Iterator[U8]:
     files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
     if not files:
-        wanted = "expected pictures taken with the lens cap on"
-        raise InputError(folder, f"found neither pictures nor a log, {wanted}")
+        advice = "expected pictures taken with the lens cap on"
+        raise InputError(folder, f"found neither pictures nor a log, {advice}")
     for file in files:
         try:
             yield decode_picture(picture_file(file))

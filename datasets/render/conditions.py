@@ -212,8 +212,8 @@ def reshades(conditions: Conditions) -> bool:
 
 def events_at(lights: tuple[LightChange, ...], number: int) -> tuple[str, ...]:
     """Return what happens to the light at an update, as the text of a log's events."""
-    begun = [_told(change) for change in lights if change.update == number and change.kind != "drift"]
-    return (*begun, *("lights daylight rests" for change in lights if change.until == number))
+    events = [_told(change) for change in lights if change.update == number and change.kind != "drift"]
+    return (*events, *("lights daylight rests" for change in lights if change.until == number))
 
 
 def _told(change: LightChange) -> str:

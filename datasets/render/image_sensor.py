@@ -87,8 +87,8 @@ def metered(behind: F32, sensor: Sensor, exposure: Exposure) -> tuple[float, flo
     for _ in range(6):
         red, green, blue = (factor * gain for gain in exposure.gain)
         mean = float(signal_of(measured, sensor, (red, green, blue)).mean())
-        wanted = factor * (sensor.target / max(mean, 1e-3)) ** (1 / sensor.gamma)
-        factor = min(max(wanted, sensor.least_gain), sensor.most_gain)
+        target_factor = factor * (sensor.target / max(mean, 1e-3)) ** (1 / sensor.gamma)
+        factor = min(max(target_factor, sensor.least_gain), sensor.most_gain)
     red, green, blue = (factor * gain for gain in exposure.gain)
     return red, green, blue
 

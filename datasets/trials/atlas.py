@@ -101,9 +101,9 @@ def _updates(rows: pl.DataFrame, spot_m: float) -> pl.DataFrame:
 
 def _starts(updates: pl.DataFrame) -> pl.DataFrame:
     """Return, for each spot in which a search began, the median pictures that it took; infinite: never."""
-    begun = updates.filter(pl.col("update") == pl.col("kidnapped_at_update").fill_null(1))
+    starts = updates.filter(pl.col("update") == pl.col("kidnapped_at_update").fill_null(1))
     took = pl.col("pictures_to_localize").cast(pl.Float64).fill_null(np.inf)
-    return begun.group_by("arena", "column", "row").agg(
+    return starts.group_by("arena", "column", "row").agg(
         took.median().alias("pictures_to_localize"), pl.len().alias("starts")
     )
 

@@ -58,8 +58,8 @@ class TrialsFolder:
         for column, value in wanted.items():
             rows = rows.filter(pl.col(column) == value) if column in rows.columns else rows.clear()
         if rows.is_empty():
-            such = " and ".join(f"{column} {value}" for column, value in wanted.items())
-            what = f"holds no runs of {name}{f' with {such}' if such else ''}"
+            condition = " and ".join(f"{column} {value}" for column, value in wanted.items())
+            what = f"holds no runs of {name}{f' with {condition}' if condition else ''}"
             raise MissingRuns(self.folder, f"{what}; maurice-replay trials run {name} makes them")
         return rows
 

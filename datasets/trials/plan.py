@@ -169,8 +169,8 @@ class Variants:
     @property
     def varied(self) -> list[str]:
         """The keys in which variants differ."""
-        listed = [key for variant in self.listed for key in variant.settings]
-        return list(dict.fromkeys([*self.grid, *listed]))
+        keys = [key for variant in self.listed for key in variant.settings]
+        return list(dict.fromkeys([*self.grid, *keys]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,9 +197,9 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
     """
     expect_trials(folder)
     files = _files(folder)
-    wanted = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
-    frames = [_frame(file, wanted) for file in files]
-    rows = pl.concat(frames) if frames else pl.DataFrame(schema={name: TYPES[name] for name in wanted})
+    names = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
+    frames = [_frame(file, names) for file in files]
+    rows = pl.concat(frames) if frames else pl.DataFrame(schema={name: TYPES[name] for name in names})
     return rows.unique(KEY, keep="last", maintain_order=True).sort(KEY)
 
 

@@ -114,9 +114,9 @@ class RunTally:
 
     def step(self, moment: Moment, picture: Compared) -> None:
         """Process the next update of all runs; each has its share of the time, and compares for itself."""
-        began = perf_counter()
+        start_s = perf_counter()
         self.runs.advance(moment, picture.comparison)
-        self.took_s += (perf_counter() - began) / len(self.numbers) + picture.took_s
+        self.took_s += (perf_counter() - start_s) / len(self.numbers) + picture.took_s
 
     def figures(self, drive: Sequence[Moment]) -> list[RunFigures]:
         """Return the figures of each run; the moments of the drive need no pictures."""

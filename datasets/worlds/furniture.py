@@ -87,7 +87,7 @@ def _wood_color(rng: np.random.Generator) -> Rgb:
 
 
 def _clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_in: float) -> list[Part]:
-    things: list[Part] = []
+    parts: list[Part] = []
     count = int(rng.integers(2, 5))
     for k in range(count):
         x = (k + 0.5) / count * 0.8 * stand.width_in - 0.4 * stand.width_in + float(rng.uniform(-1, 1))
@@ -96,8 +96,8 @@ def _clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_
         wide, deep, high = ((7.0, 5.0, 1.5), (3.2, 3.2, 4.0), (6.0, 4.0, 6.0))[kind]
         high *= float(rng.uniform(0.7, 1.5))
         deep = min(deep, 0.6 * room_in)
-        things.append((Solid(x, y, height_in, wide, deep, high, yaw), _cloth_of(dye(rng))))
-    return things
+        parts.append((Solid(x, y, height_in, wide, deep, high, yaw), _cloth_of(dye(rng))))
+    return parts
 
 
 Maker = Callable[[np.random.Generator, Footprint], Piece]

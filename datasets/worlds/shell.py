@@ -145,24 +145,24 @@ def _on_wall(
     openings: tuple[Opening, ...],
     bare: Bareness,
 ) -> list[Face]:
-    wall, faces, taken = wall_of(room, name), [], []
+    wall, faces, spans = wall_of(room, name), [], []
     for window, at in windows:
         if window.wall == name:
             middle, half = along(wall, at), window.width_in / 2
             glow = 1.3 * look.daylight
             faces += window_in(rng, wall, middle, window.width_in, (window.sill_in, window.top_in), glow)
-            taken.append((middle - half - 6, middle + half + 6))
+            spans.append((middle - half - 6, middle + half + 6))
     for poster in plan.posters:
         if poster.room == room.name and poster.wall == name:
             at = number(rng, poster.at_in)
             check_poster(plan, room, poster, at, openings)
             middle = along(wall, at)
             faces.append(_poster_face(rng, wall, middle, poster, look))
-            taken.append((middle - poster.size_in[0] / 2, middle + poster.size_in[0] / 2))
+            spans.append((middle - poster.size_in[0] / 2, middle + poster.size_in[0] / 2))
     style = look.style
     doors = doors_in(room, name, openings)
     for part in rest_of(wall, [(a - o.margin_in, b + o.margin_in) for o, (a, b) in doors]):
-        skip = tuple((a - part[0], b - part[0]) for a, b in taken)
+        skip = tuple((a - part[0], b - part[0]) for a, b in spans)
         faces += decorate(rng, stretch(wall, part), style.hang, style.hang_every_in, bare, skip)
     return faces
 

@@ -104,8 +104,8 @@ class Table:
         """Read a list of so many values."""
         value = self.take(key)
         if not isinstance(value, list) or len(value) not in count:
-            wanted = " or ".join(map(str, count)) if len(count) < 4 else f"{count[0]} to {count[-1]}"
-            self.fail(key, f"found {value!r}, expected a list of {wanted} values")
+            count_in_words = " or ".join(map(str, count)) if len(count) < 4 else f"{count[0]} to {count[-1]}"
+            self.fail(key, f"found {value!r}, expected a list of {count_in_words} values")
         return value
 
     def real(

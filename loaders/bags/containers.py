@@ -287,11 +287,11 @@ class _RosBag:
         )
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        wanted = [connection for connection in self._reader.connections if connection.topic in names]
-        if not wanted:  # which the library takes for all
+        connections = [connection for connection in self._reader.connections if connection.topic in names]
+        if not connections:  # which the library takes for all
             return
         with bag_errors(self._path, self._repair):
-            for connection, log_ns, data in self._reader.messages(wanted):
+            for connection, log_ns, data in self._reader.messages(connections):
                 content = bytes(memoryview(data))  # a damaged row may hold anything
                 decode = partial(self._decode, connection, content)
                 yield Message(connection.topic, short_type(connection.msgtype), int(log_ns), decode)

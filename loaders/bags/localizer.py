@@ -340,8 +340,8 @@ def _cloud_topic(path: Path, topics: Sequence[Topic], pose: Topic | None) -> Top
     clouds = sorted(readable(topics, CLOUDS), key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
     shown = next(iter(clouds), pose)
     if shown is None:
-        wanted = "expected a localizer's particles (PoseArray, ParticleCloud) or PoseWithCovarianceStamped"
-        raise InputError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
+        advice = "expected a localizer's particles (PoseArray, ParticleCloud) or PoseWithCovarianceStamped"
+        raise InputError(path, f"found no cloud, {advice}; it holds {listed(topics)}")
     return shown
 
 

@@ -137,8 +137,8 @@ class BagRecording:
             self._twist = speed > 0
             adds = f"the poses of {moved} never move, and its speeds do (up to {speed:.2g} m/s or rad/s)"
             begins = "; ".join(filter(None, [begins, f"{adds}: they are added up" if speed else ""]))
-        said = (part_of(path), self.chosen.guess, looking, mounted, maps_said, begins)
-        self._guessed = "; ".join(text for text in said if text)
+        remarks = (part_of(path), self.chosen.guess, looking, mounted, maps_said, begins)
+        self._guessed = "; ".join(text for text in remarks if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
         cameras = (camera,) if camera else ()

@@ -93,8 +93,8 @@ def choose(
     image, scan = _image(path, topics, wishes.image), _scan(path, topics, wishes.scan)
     own, robot = of_robot(topics, scan or image), (scan or image or "").strip("/").partition("/")[0]
     truth = _route(path, topics, wishes.truth, _guess_truth(own))
-    taken = truth.topic if truth is not None and truth.frames is None else None
-    odometry = _route(path, topics, wishes.odometry, _guess_odometry(own, edges, taken, robot))
+    topic_of_truth = truth.topic if truth is not None and truth.frames is None else None
+    odometry = _route(path, topics, wishes.odometry, _guess_odometry(own, edges, topic_of_truth, robot))
     choice = TopicChoice(image, odometry, truth, scan)
     guess, others = _guess_in_words(topics, wishes, choice)
     return replace(choice, guess=guess, others=others)
@@ -123,16 +123,16 @@ def nothing_to_read(topics: Sequence[Topic], *, live: bool = False) -> str:
 
     Of a `live` source: with neither pictures nor scans, as the filter waits for these.
     """
-    wanted = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
+    advice = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
     if live:
-        wanted = (
+        advice = (
             "expected pictures or scans; name a topic with --reading image_topic=... or scan_topic=..., "
             "or start the camera"
         )
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
-    parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics, live)}", *more]
+    parts = [f"found no topic of a type that is read, {advice}", f"it holds {listed(topics, live)}", *more]
     if live:
-        parts = [f"found neither, {wanted}", f"it has {listed(topics, live)}"]
+        parts = [f"found neither, {advice}", f"it has {listed(topics, live)}"]
     return "; ".join(part for part in (*parts, _video_advice(topics), _points_advice(topics)) if part)
 
 

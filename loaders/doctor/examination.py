@@ -93,10 +93,10 @@ def look(
 
 
 def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
-    wanted = {name: weight for name, weight in FEATURES["blended"].items() if name in library.index}
-    if not wanted:
+    weights = {name: weight for name, weight in FEATURES["blended"].items() if name in library.index}
+    if not weights:
         raise InputError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
-    parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
+    parameters = of_feature("blended" if len(weights) > 1 else next(iter(weights)))
     try:
         return build_localizer(library, _Named(info), parameters)
     except ValueError as problem:  # of the header's motion
@@ -149,10 +149,10 @@ def made_odometry(info: SessionInfo, options: Reading) -> str:
     """Return where odometry is from that was not measured, by the options or the header; "" for a robot's."""
     if options.odometry_from_truth:
         return "it was made here (--reading odometry_from_truth=true), so it tells nothing of the robot's"
-    noted = any(SYNTHETIC.search(text) for text in (info.name, *info.notes))
+    is_noted = any(SYNTHETIC.search(text) for text in (info.name, *info.notes))
     return (
         "it was made and not measured, as the header notes, so it tells nothing of the robot's"
-        if noted
+        if is_noted
         else ""
     )
 

@@ -18,8 +18,8 @@ FACTORS = ("odometry_scale", "turn_scale", "turn_gain", "truth_scale", "truth_tu
 
 def fixable(finding: Finding, form: Format, options: Reading) -> Finding:
     """Leave out of a finding the options that a format does not take, or that hold something else."""
-    taken = options.odometry_are is not None and "odometry_are" in finding.options
-    if taken or ("time_unit" in finding.options and not form.takes_unit):
+    is_taken = options.odometry_are is not None and "odometry_are" in finding.options
+    if is_taken or ("time_unit" in finding.options and not form.takes_unit):
         return replace(finding, options={})
     return finding
 

@@ -188,8 +188,8 @@ def _middle_direction(ratios: object) -> float:
     """Return the direction that most of these complex numbers agree on."""
     units = np.asarray(ratios) / np.abs(np.asarray(ratios))
     angles = np.angle(units)
-    tried = np.linspace(-np.pi, np.pi, 73)[:-1]
-    best = tried[np.cos(angles[:, None] - tried).clip(0.5).sum(axis=0).argmax()]
+    directions = np.linspace(-np.pi, np.pi, 73)[:-1]
+    best = directions[np.cos(angles[:, None] - directions).clip(0.5).sum(axis=0).argmax()]
     near = np.abs(wrap_angle(angles - best)) < np.pi / 4
     return float(np.angle(units[near].sum())) if near.any() else float(best)
 
@@ -208,8 +208,8 @@ def shifts(drive: RecordedDrive) -> F64:
 
 def moves_of(poses: F64) -> F64:
     """Return the steps (n, 2) between poses at intervals of `STEP_M`, in the frame at each step's end."""
-    gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
-    chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
+    distances = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
+    chosen = np.unique(np.searchsorted(distances, np.arange(0.0, min(distances[-1], 1000.0), STEP_M)))
     some = poses[chosen]
     step = np.diff(some[:, :2], axis=0)
     return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
@@ -291,8 +291,10 @@ def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreeme
 
 def _shifted(drive: RecordedDrive, segments: TruthSegments, at_once: Agreement) -> Agreement:
     """Try delays; return the given agreement unless one explains far more."""
-    tried = [agreement(drive.odometry, segments, at_once.interpretation, float(s)) for s in shifts(drive)]
-    known = [agreed for agreed in tried if agreed is not None]
+    candidates = [
+        agreement(drive.odometry, segments, at_once.interpretation, float(s)) for s in shifts(drive)
+    ]
+    known = [agreed for agreed in candidates if agreed is not None]
     best = min(known, key=lambda agreed: agreed.unexplained, default=at_once)
     if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
         return at_once

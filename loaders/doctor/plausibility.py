@@ -43,9 +43,9 @@ def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
     """Return speed (m/s) and turning (rad/s, not wrapped) as 95th percentiles; 0 for nothing."""
     motions = motions_of(odometry)
     turns = np.diff(odometry.values[:, 2], prepend=odometry.values[0, 2]) if odometry.poses else motions[:, 2]
-    passed = np.diff(odometry.t_s, prepend=np.nan)
+    intervals = np.diff(odometry.t_s, prepend=np.nan)
     ways = np.hypot(motions[:, 0], motions[:, 1])
-    return _high(ways, passed), _high(np.abs(turns), passed)
+    return _high(ways, intervals), _high(np.abs(turns), intervals)
 
 
 def _high(amounts: F64, passed_s: F64) -> float:
@@ -125,9 +125,9 @@ def best_interpretation(odometry: RecordedOdometry) -> Interpretation:
     if aside_share(odometry, Interpretation()) < ASIDE:
         return Interpretation()
     small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
-    tried = [candidate for candidate in interpretations(odometry) if candidate.frame or odometry.poses]
-    tried = [candidate for candidate in tried if not (small and "degrees" in candidate.turn)]
-    best = min(tried, key=lambda candidate: aside_share(odometry, candidate))
+    candidates = [candidate for candidate in interpretations(odometry) if candidate.frame or odometry.poses]
+    candidates = [candidate for candidate in candidates if not (small and "degrees" in candidate.turn)]
+    best = min(candidates, key=lambda candidate: aside_share(odometry, candidate))
     return best if aside_share(odometry, best) < NOT_ASIDE else Interpretation()
 
 
@@ -210,12 +210,12 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
     if fewer < FEWEST:
         return None
     delays = np.sort((late[:, None] - ours).ravel())
-    met = np.searchsorted(delays, delays + ALIKE_S, side="right") - np.arange(len(delays))
-    best = int(met.argmax())
-    others = met[np.abs(delays - delays[best]) > 2 * ALIKE_S]
-    if met[best] < MOST * fewer or (len(others) and others.max() > OTHER * fewer):
+    ends = np.searchsorted(delays, delays + ALIKE_S, side="right") - np.arange(len(delays))
+    best = int(ends.argmax())
+    others = ends[np.abs(delays - delays[best]) > 2 * ALIKE_S]
+    if ends[best] < MOST * fewer or (len(others) and others.max() > OTHER * fewer):
         return None
-    return float(np.median(delays[best : best + met[best]]))
+    return float(np.median(delays[best : best + ends[best]]))
 
 
 def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:

@@ -153,9 +153,9 @@ def _mounts(pairs: list[_Pair]) -> list[Finding]:
     """Return how the laser would have to be mounted, if that differs from the recording."""
     usual = np.concatenate([_apart(pair) for pair in pairs])
     some, yaws = pairs[:: max(len(pairs) // 30, 1)], YAWS[::2]
-    tried = {sign: np.mean([_apart(pair, yaws, sign) for pair in some], axis=0) for sign in (1, -1)}
-    sign = min(tried, key=lambda sign: tried[sign].min())
-    near = yaws[np.argmin(tried[sign])] + np.radians(np.arange(-8, 9, 2))
+    means = {sign: np.mean([_apart(pair, yaws, sign) for pair in some], axis=0) for sign in (1, -1)}
+    sign = min(means, key=lambda sign: means[sign].min())
+    near = yaws[np.argmin(means[sign])] + np.radians(np.arange(-8, 9, 2))
     totals = np.array([_apart(pair, near, sign) for pair in pairs])
     best = int(totals.mean(axis=0).argmin())
     yaw_deg = float(round(np.degrees(wrap_angle(float(near[best])))))
@@ -176,10 +176,10 @@ def _elsewhere(pairs: list[_Pair]) -> list[Finding]:
     usual = moved = np.concatenate([_apart(pair) for pair in turning])
     shift = 0j
     for places in (PLACES_M, PLACES_M[3:6] / 2):
-        tried = shift + (places[:, None] + 1j * places).ravel()
-        totals = np.array([_apart(pair, shifts=tried) for pair in turning])
+        shifts = shift + (places[:, None] + 1j * places).ravel()
+        totals = np.array([_apart(pair, shifts=shifts) for pair in turning])
         best = int(totals.mean(axis=0).argmin())
-        shift, moved = complex(tried[best]), totals[:, best]
+        shift, moved = complex(shifts[best]), totals[:, best]
     if abs(shift) < LEAST_PLACE_M or not is_clear(usual, moved):
         return []
     seen = Evidence("scan-pairs", {"pairs": len(turning), "before": usual.mean(), "after": moved.mean()})

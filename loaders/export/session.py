@@ -128,8 +128,8 @@ def convert_to_log(
                 converted.count(moment)
                 yield converted
         if not converted.pictures:
-            wanted = "expected some; is it the right camera or topic?"
-            raise InputError(file, f"found no picture to write, {wanted}")
+            advice = "expected some; is it the right camera or topic?"
+            raise InputError(file, f"found no picture to write, {advice}")
         if pictures.is_dir():
             discard(pictures)
         (folder / pictures.name).replace(pictures)

@@ -106,9 +106,9 @@ def check_target(target: Path, *kinds: FolderKind, force: bool) -> None:
     if kind is not None and stranger is None:
         return
     reason = "" if stranger is None else f"found {stranger} in it, "
-    wanted = " or ".join(kind.name for kind in kinds) or "a name that is free"
+    kinds_in_words = " or ".join(kind.name for kind in kinds) or "a name that is free"
     advice = "move that away, or write elsewhere" if kind else "write elsewhere, or remove it yourself"
-    raise InputError(target, f"is not replaced: {reason}expected {wanted}; {advice}")
+    raise InputError(target, f"is not replaced: {reason}expected {kinds_in_words}; {advice}")
 
 
 def expect_apart(target: Path, *sources: Path) -> None:

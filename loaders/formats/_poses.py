@@ -173,12 +173,12 @@ class PoseFile(_TimedFile):
 
     def _in_space(self, row: Row) -> Pose:
         words = self._words(row)
-        wanted = (*self.layout.position, *self.layout.quaternion)
-        if len(words) <= max(wanted):
-            fault = f"found {len(words)} values ({show(row.text)}), expected {max(wanted) + 1} or more"
+        columns = (*self.layout.position, *self.layout.quaternion)
+        if len(words) <= max(columns):
+            fault = f"found {len(words)} values ({show(row.text)}), expected {max(columns) + 1} or more"
             fault += ": t x y z qx qy qz qw" if self.layout == Layout() else ""
             raise InputError(self.file, fault, row.number)
-        values = np.array([number_of(self.file, row, words[at], "value") for at in wanted])
+        values = np.array([number_of(self.file, row, words[at], "value") for at in columns])
         try:
             return values[:3], rotation(values[3:])
         except ValueError as problem:

@@ -97,7 +97,7 @@ class CarmenRecording:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the log's lines in order: times that fall a little are raised, odometry set anew goes on."""
         facts, odometry = self._facts, _Continuous()
-        wanted = frozenset[str]() if facts.repeats and self.options.odometry_from_truth else facts.odometry
+        kinds = frozenset[str]() if facts.repeats and self.options.odometry_from_truth else facts.odometry
         last_t_s, fallen, scans, before = 0.0, 0, 0, None
         for line in self._lines(notes):
             set_anew = _set_anew(before, line, last_t_s)
@@ -110,7 +110,7 @@ class CarmenRecording:
                 continue
             fallen += t_s < last_t_s and not set_anew
             last_t_s = max(last_t_s, t_s)
-            if line.word in wanted:
+            if line.word in kinds:
                 yield OdometryPose(last_t_s, odometry.take(line.pose, set_anew=set_anew))
             if line.word == facts.truth:
                 pose = line.pose if line.laser is None else line.laser

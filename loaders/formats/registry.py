@@ -202,8 +202,8 @@ def describe(path: Path) -> str:
         return f"a file that begins with {first_bytes(path)[:16]!r}{table_hint(path)}"
     names = sorted((entry.name for entry in path.iterdir()), key=lambda name: (name.startswith("."), name))
     below = _below(path)
-    meant = [inside for inside, form in below.items() if not form.bare]
-    hint = _did_you_mean(meant) or table_hint(path) or _did_you_mean(list(below))
+    candidates = [inside for inside, form in below.items() if not form.bare]
+    hint = _did_you_mean(candidates) or table_hint(path) or _did_you_mean(list(below))
     return f"a folder with {', '.join(names[:MOST_LISTED])}{hint}"
 
 

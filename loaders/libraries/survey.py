@@ -284,8 +284,8 @@ class SelectedSurvey(_Surveys):
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
         """Yield the chosen pictures, and those with the lens covered, in order."""
-        for number, (picture, taken) in enumerate(zip(self._pictures(), self._taken, strict=False)):
-            if taken:
+        for number, (picture, is_taken) in enumerate(zip(self._pictures(), self._taken, strict=False)):
+            if is_taken:
                 yield self._kept(picture, number)
 
     def _choose(self, every: Spacing | None, progress: Progress | None) -> tuple[Bool, SurveySelection]:
@@ -300,12 +300,12 @@ class SelectedSurvey(_Surveys):
             if progress:
                 progress(count, total)
         rows, values = np.array(poses).reshape(-1, 3), np.array(sharp).reshape(-1, 2)
-        taken = np.array(covered, bool)
+        mask = np.array(covered, bool)
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not len(known):
-            if taken.all():
+            if mask.all():
                 raise InputError(self.path, "found no picture to take, expected pictures with poses")
-            fault = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
+            fault = f"found {int((~mask).sum())} pictures and no pose of any, expected truth beside them"
             text = f"{fault}; see --reading truth_topic=..., table=... and truth_offset_s=..."
             raise InputError(self.path, text)
         unsharp = np.zeros(len(known), bool) if every is None else blurred(values[known])
@@ -313,11 +313,9 @@ class SelectedSurvey(_Surveys):
         if every is EVERY:
             every = replace(EVERY, distance_m=fitted_m(EVERY.distance_m, rows[known, :2]))
         entries = left if every is None else left[choose(rows[left], values[left].min(axis=1), every)]
-        taken[entries] = True
+        mask[entries] = True
         pictures = int((~np.array(covered, bool)).sum())
-        return taken, SurveySelection(
-            pictures, pictures - len(known), int(unsharp.sum()), len(entries), every
-        )
+        return mask, SurveySelection(pictures, pictures - len(known), int(unsharp.sum()), len(entries), every)
 
     def _kept(self, picture: SurveyPicture, number: int) -> SurveyPicture:
         if picture.path is not None or self._keep is None or picture.covered:

@@ -91,14 +91,14 @@ class CmucamStream:
     def read(self, wait_s: float) -> bytes | None:
         """Return the lines that there are within `wait_s`. OSError, FieldError, SourceError."""
         until = time.monotonic() + wait_s
-        while (said := next(self._talk, b"")) is None:
+        while (lines := next(self._talk, b"")) is None:
             left_s = until - time.monotonic()
             if left_s <= 0:
                 return None
             select.select([self._line], [], [], min(left_s, QUIET_S / 2))
-        if isinstance(said, FieldError):
-            raise said
-        return said
+        if isinstance(lines, FieldError):
+            raise lines
+        return lines
 
     def close(self) -> None:
         """Close the line."""
@@ -176,8 +176,8 @@ class CmucamStream:
 
     def _listened(self, over: Callable[[bytes], bool], silent_s: float) -> Talk:
         """Return what is heard until it is over, or until nothing came for a while, or too much did."""
-        heard, until = b"", time.monotonic() + silent_s
-        while time.monotonic() < until and len(heard) < 2 * MOST_BYTES:
+        answer, until = b"", time.monotonic() + silent_s
+        while time.monotonic() < until and len(answer) < 2 * MOST_BYTES:
             try:
                 data = os.read(self._line, PORTION)
             except BlockingIOError:
@@ -187,10 +187,10 @@ class CmucamStream:
                 data = b""
             if not data:
                 raise ConnectionError(0, UNPLUGGED)
-            heard, until = heard + data, time.monotonic() + silent_s
-            if over(heard):
+            answer, until = answer + data, time.monotonic() + silent_s
+            if over(answer):
                 break
-        return heard
+        return answer
 
 
 def _open_serial(name: str, device: Path, baud: int) -> int:

@@ -290,18 +290,18 @@ class LiveSession(HasReadingNotes):
         self._recorder.close()
 
     def _take_in(self) -> None:
-        passed: Aligned | None = None  # the last picture that makes no update, with all before it
+        leftover: Aligned | None = None  # the last picture that makes no update, with all before it
         for aligned in self._observations(Aligner(most=MOST, prompt=True)(self._records()), MOST):
-            if passed is not None:
-                aligned.follow(passed, MOST)
-            passed = aligned
+            if leftover is not None:
+                aligned.follow(leftover, MOST)
+            leftover = aligned
             if self._makes_an_update(aligned):
                 left_out = self._backlog.put(aligned, self._stop)
                 self._listening.heard()  # the source was not silent while we waited for room
                 if left_out is not None and self._recorder is not None:
                     event = skipped_at(left_out.picture.t_s)
                     self._recorder.add(ascii_line({"t": self._recorded_s, "event": event}))
-                passed = None
+                leftover = None
 
     def _makes_an_update(self, aligned: Aligned) -> bool:
         if self._listen.only_record:
@@ -364,8 +364,8 @@ class LiveSession(HasReadingNotes):
 
     def _camera(self) -> CameraChoice:
         known = [camera.name for camera in self.info.cameras]
-        wanted = self._listen.camera
-        if wanted is not None and known and wanted not in known:
-            fault = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
+        name = self._listen.camera
+        if name is not None and known and name not in known:
+            fault = f"found cameras {', '.join(known)}, expected {name!r} among them"
             raise SourceError(self.source.name, fault)
-        return CameraChoice(wanted or (known[0] if known else None), self._notes)
+        return CameraChoice(name or (known[0] if known else None), self._notes)

@@ -284,17 +284,17 @@ class WebsocketStream:
         self._close()
 
     def _take(self, message: str | bytes) -> bytes:
-        heard = self._bridge.hear(message)
-        if heard is None:
+        content = self._bridge.hear(message)
+        if content is None:
             return self._choose(late=False)
         learned = b""
-        if known_type(heard.type) in TRANSFORMS and (self._topics is None or self._topics.scan is not None):
-            self._translator.learn(heard)
-        if known_type(heard.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
-            learned = self._learn(heard)
+        if known_type(content.type) in TRANSFORMS and (self._topics is None or self._topics.scan is not None):
+            self._translator.learn(content)
+        if known_type(content.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
+            learned = self._learn(content)
         if self._topics is None:
             return learned
-        return learned + b"".join(map(ascii_line, self._translator.take(heard, self._topics)))
+        return learned + b"".join(map(ascii_line, self._translator.take(content, self._topics)))
 
     def _learn(self, message: Message) -> bytes:
         try:
@@ -308,8 +308,10 @@ class WebsocketStream:
 
     def _choose(self, *, late: bool) -> bytes:
         """Choose topics as they are announced; return the header once there are pictures or scans to read."""
-        known, taken = self._bridge.topics, self._topics
-        if taken is not None and ((known, self._edges) == self._known or (taken.odometry and taken.truth)):
+        known, subscribed = self._bridge.topics, self._topics
+        if subscribed is not None and (
+            (known, self._edges) == self._known or (subscribed.odometry and subscribed.truth)
+        ):
             return b""
         self._known = (known, self._edges)
         chosen, assumed = self._chosen(known, self._edges, late), self._chosen(known, ASSUMED, late)
@@ -321,12 +323,12 @@ class WebsocketStream:
             if late:
                 raise SourceError(self._name, self._bridge.silence or nothing_to_read(known, live=True))
             return b""
-        needed = transforms if _needs_frames(chosen) or chosen.scan else ()
-        self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed, chosen.scan)
+        frame_topics = transforms if _needs_frames(chosen) or chosen.scan else ()
+        self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, frame_topics, chosen.scan)
         self._send(self._bridge.subscribe(self._topics.names))
         guess = "; ".join(text for text in (chosen.guess, chosen.others) if text)
         header = header_of(self._name, notes=[guess] if guess else [])
-        return b"" if taken else ascii_line(header)
+        return b"" if subscribed else ascii_line(header)
 
     def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options

@@ -120,7 +120,7 @@ class Observations:
 
     def __call__(self, stream: Iterable[Aligned], most: int | None = None) -> Iterator[Aligned]:
         """Yield the observations that make moments, in order, with at most so many motions and events."""
-        passed: Aligned | None = None  # the last scan that makes none, with all before it
+        leftover: Aligned | None = None  # the last scan that makes none, with all before it
         for aligned in stream:
             self._way = reduce(compose, aligned.motions, self._way)
             seen = _Seen(aligned, aligned.odometry_at(self._max_dt_s) if self._poses else self._way)
@@ -128,13 +128,13 @@ class Observations:
             if not self.pictures:
                 yield aligned
                 continue
-            if passed is not None:
-                aligned.follow(passed, most)
+            if leftover is not None:
+                aligned.follow(leftover, most)
             yield from self._settled(seen)
             if aligned.scan is not None:
-                passed, self._before = aligned, seen
+                leftover, self._before = aligned, seen
                 continue
-            passed = None
+            leftover = None
             if self._wait:
                 self._waiting.append(seen)
             else:

@@ -62,12 +62,12 @@ class RunWriter:
         self._waiting: list[StepRows] = []
         self.written = 0  # steps
         self.failures: Sequence[Failure] | None = None  # why the run failed, as far as it got
-        with new_folder(folder, *RUNS, force=force) as begun:  # never without a manifest
+        with new_folder(folder, *RUNS, force=force) as filling:  # never without a manifest
             for table in TABLES:
-                (begun / table).mkdir()
-            put(begun / CONFIGURATION, configuration.encode())
-            put(begun / MAP, to_bytes(arena_to_json(arena)))
-            write_manifest(begun, manifest)
+                (filling / table).mkdir()
+            put(filling / CONFIGURATION, configuration.encode())
+            put(filling / MAP, to_bytes(arena_to_json(arena)))
+            write_manifest(filling, manifest)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Take in the next update."""
@@ -115,9 +115,9 @@ def _parquet(frame: pl.DataFrame) -> bytes:
 
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:
     """Begin a folder with a folder for each run below it. Raises InputError as for `RunWriter`."""
-    with new_folder(folder, *RUNS, force=force) as begun:
+    with new_folder(folder, *RUNS, force=force) as filling:
         manifest = to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)})
-        put(begun / MANIFEST, manifest)
+        put(filling / MANIFEST, manifest)
 
 
 # One update as rows of the tables of a saved run, and back (docs/saved-runs.md).

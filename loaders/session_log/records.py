@@ -214,8 +214,8 @@ class LineReader:
         pose = None
         if self.kind == "survey" and not covered:
             if fields.get("pose") is None:
-                needed = "expected one in a survey unless it is covered"
-                raise FieldError(f"found a picture without its pose, {needed}")
+                advice = "expected one in a survey unless it is covered"
+                raise FieldError(f"found a picture without its pose, {advice}")
             pose = self._vector(fields["pose"], 3, "pose")
         encoded = partial(_encoded, path, inline, self.log, self.outside)
         read = partial(_decoded, encoded)

@@ -292,15 +292,15 @@ def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tup
     known = [name for name in library.index if name in CHANNELS]
     if channels is None:
         return tuple(known)
-    wanted = tuple(dict.fromkeys(name.strip() for name in channels if name.strip()))
-    for name in wanted:
+    names = tuple(dict.fromkeys(name.strip() for name in channels if name.strip()))
+    for name in names:
         if name not in CHANNELS:
             raise OptionError(f"no channel called {name!r}; {expected_one_of(name, CHANNELS)}")
         if name not in known:
             raise InputError(path, f"holds {', '.join(known)}, and {name} is wanted; build the library again")
-    if not wanted:
+    if not names:
         raise OptionError("--channels names no channel")
-    return wanted
+    return names
 
 
 def _tuned(tuning: _Tuning, fit: Sequence[Path], test: Sequence[Path]) -> TuningResult:
@@ -337,9 +337,9 @@ def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[fitting.Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
     listener, sensor = tuning.listener, tuning.sensor
     log = open_session(path, tuning.reading, listener)
-    taken = fitting.spread_out(log.overview()[0], max(1, fitting.most_pictures(sensor) // among))
+    numbers = fitting.spread_out(log.overview()[0], max(1, fitting.most_pictures(sensor) // among))
     advance, known = progress_of(listener, path.name), known_descriptors()
-    samples = fitting.drive_samples(sensor, log.moments(), taken, advance, known)
+    samples = fitting.drive_samples(sensor, log.moments(), numbers, advance, known)
     remark_skipped(log, listener)
     if not samples:
         raise InputError(path, "found no picture with a true pose in the library's free space to tune with")

@@ -137,8 +137,8 @@ def remedies(
     point = open_branch(run, listener)
     step = point.step_or_default(from_step)
     tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
-    wanted, (possible, left_out) = set(names), candidates(point)
-    chosen = [remedy for remedy in possible if not wanted or remedy.name in wanted]
+    chosen_names, (possible, left_out) = set(names), candidates(point)
+    chosen = [remedy for remedy in possible if not chosen_names or remedy.name in chosen_names]
     tried = [Remedy(AS_IT_WAS, BranchChange()), *chosen]
     filters = [point.localizer_with(remedy.change) for remedy in tried]
     if len(tested) < (least := least_seeds(len(chosen))):
@@ -204,8 +204,8 @@ class _Past:
         past.updates = [_updates_read(sensor, last) for sensor in sensors]
         known = sum(moment.truth is not None for moment in past.moments)
         if known < RIGHT_AT_END[1]:
-            needed = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
-            raise InputError(point.run.folder, f"found {known} true poses after step {step}, {needed}")
+            advice = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
+            raise InputError(point.run.folder, f"found {known} true poses after step {step}, {advice}")
         return past
 
     def tried(

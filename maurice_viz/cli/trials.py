@@ -157,12 +157,12 @@ def table(
 
 def _plain(rows: Sequence[Group | Difference]) -> list[dict[str, Any]]:
     """Return rows of a table as plain values; what is not known or infinite is null."""
-    told = [plain(row) for row in rows]
+    records = [plain(row) for row in rows]
     return [
-        {key: one[key] for key in one if key not in ("curve", "figure")}
-        | one["figure"]
-        | {"median": one.get("median")}
-        for one in told
+        {key: record[key] for key in record if key not in ("curve", "figure")}
+        | record["figure"]
+        | {"median": record.get("median")}
+        for record in records
     ]
 
 

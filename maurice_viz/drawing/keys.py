@@ -122,11 +122,11 @@ def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
     """Draw the key of a plot's lines, by name, color and width, in as many rows as they need."""
     at, row, places = 24, 0, []
     for name, _, _ in lines:
-        needed = LINE_PX + 10 + text_size(name, LINE_TEXT_PX)[0]
-        if at > 24 and at + needed > LINES_PX - 24:
+        width_px = LINE_PX + 10 + text_size(name, LINE_TEXT_PX)[0]
+        if at > 24 and at + width_px > LINES_PX - 24:
             at, row = 24, row + 1
         places.append((at, row))
-        at += needed + 30
+        at += width_px + 30
     image = np.full(((row + 1) * LINE_ROW_PX, LINES_PX, 3), style.GROUND, np.uint8)
     for (name, color, width), (left, row) in zip(lines, places, strict=True):
         middle = round((row + 0.5) * LINE_ROW_PX)

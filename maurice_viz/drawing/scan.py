@@ -55,8 +55,8 @@ _FAINT = {color: SCANS.flat(style.faint(color)) for color in (style.TRUTH, *styl
 def reach_of(scan: LaserScan) -> float:
     """Return how far ahead a picture of a scan shows, in meters: one of a few."""
     away = np.hypot(*scan.points().T)
-    needed = float(np.quantile(away, SHOWN_SHARE)) if len(away) else scan.max_m
-    return next((reach for reach in REACHES_M if reach >= needed), REACHES_M[-1])
+    reach_m = float(np.quantile(away, SHOWN_SHARE)) if len(away) else scan.max_m
+    return next((reach for reach in REACHES_M if reach >= reach_m), REACHES_M[-1])
 
 
 def draw_scan(scan: LaserScan, scale: Scale) -> bytes:
@@ -72,8 +72,8 @@ def draw_scan(scan: LaserScan, scale: Scale) -> bytes:
     cv2.fillPoly(image[:HEIGHT_PX], [np.concatenate([laser, rim])], _SEEN)
     _dots(image, rim[scan.hits], _INKS[style.PALE] + _FULL, 2)
     _robot(image, _INKS[style.PALE] + _FULL)
-    said = [(f"{int(scan.hits.sum())} of {scan.size} beams hit something", style.PALE)]
-    return _finished(image, reach_m, scale, said)
+    lines = [(f"{int(scan.hits.sum())} of {scan.size} beams hit something", style.PALE)]
+    return _finished(image, reach_m, scale, lines)
 
 
 def draw_scan_on_map(
@@ -94,9 +94,9 @@ def draw_scan_on_map(
                 cv2.line(image[:HEIGHT_PX], end, wall, ink)
         _dots(image, ends[those], ink, 3)
     _robot(image, _INKS[color] + _FULL)
-    said = [(f"{judgment.count('agrees')} of {reading.size} agree", color)]
-    said += [(f"{judgment.count(name)} {SAID[name]}", WHAT[name]) for name in JUDGMENTS if name in SAID]
-    return _finished(image, reach_m, scale, [part for part in said if not part[0].startswith("0 ")])
+    lines = [(f"{judgment.count('agrees')} of {reading.size} agree", color)]
+    lines += [(f"{judgment.count(name)} {SAID[name]}", WHAT[name]) for name in JUDGMENTS if name in SAID]
+    return _finished(image, reach_m, scale, [part for part in lines if not part[0].startswith("0 ")])
 
 
 def draw_ranges(judgment: BeamJudgment, reading: LaserReading, color: RGB, scale: Scale) -> bytes:

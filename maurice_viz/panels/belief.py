@@ -300,14 +300,14 @@ class CloseupFrame:
     def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:
         """Log where the frame is to hold the clouds (K, 2), and poses (3,) that are not far from them."""
         middle, reach_m = seen_whole(clouds, truths)
-        needed, at = (
+        half, at = (
             min(self._scale.length(reach_m), EXTENT_MARGIN * self._long / 2),
             self._scale.screen(middle[None])[0],
         )
-        resized = not SHRINK_SHARE * self._half < needed <= self._half
+        resized = not SHRINK_SHARE * self._half < half <= self._half
         # a still view is easier to read and costs nothing
         if resized or np.abs(at - self._at).max() > FOLLOW_SHARE * self._half:
-            self._half, self._at = needed if resized else self._half, at
+            self._half, self._at = half if resized else self._half, at
             frame = places_of([*at.tolist(), 0]), places_of([self._half] * 3)
             rec.log(self._path, row_of(rr.Transform3D, translation=frame[0], scale=frame[1]))
             if resized:

@@ -156,11 +156,11 @@ class DrawnMap(DrawnFloor):
         truth, estimate = self.tracks[0].table.truths, self.tracks[0].table.poses
         places = self.axes.at(np.where(np.isfinite(truth), truth, estimate)[:, :2])
         rows = {int(step): row for row, step in enumerate(self.tracks[0].table.steps)}
-        taken: list[tuple[float, float]] = []
+        centers: list[tuple[float, float]] = []
         for step, number in self.numbered:
             x, y = places[rows[step]].tolist()
-            taken.append(_free_place(x, y, taken))
-            yield x, y, *taken[-1], number
+            centers.append(_free_place(x, y, centers))
+            yield x, y, *centers[-1], number
 
     @property
     def jump(self) -> str:

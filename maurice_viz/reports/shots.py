@@ -185,11 +185,11 @@ def shots(
     steps: Sequence[int],
 ) -> dict[int, Shot]:
     """Go through the updates up to the last of `steps`, and draw the pictures of these steps by step."""
-    wanted, drawn = set(steps), dict[int, Shot]()
+    numbers, drawn = set(steps), dict[int, Shot]()
     for moment, records in updates:
-        if moment.frame.step in wanted:
+        if moment.frame.step in numbers:
             drawn[moment.frame.step] = photographer.shoot(moment, records)
-        if len(drawn) == len(wanted):
+        if len(drawn) == len(numbers):
             break
     return drawn
 

@@ -115,10 +115,10 @@ def _check_sensor(run: SavedRun, spelled: str, package: str) -> None:
         load_sensor(spelled)
     except InputError as problem:
         what = problem.message
-        gone = versions_now([spelled]).get(package, NOT_THERE) == NOT_THERE
-        if gone and (package != spelled or ":" not in spelled):
-            wanted = f"{package}=={run.manifest.versions.get(package)}"
-            what = f"its sensor {spelled} is not installed here: pip install {wanted}"
+        is_missing = versions_now([spelled]).get(package, NOT_THERE) == NOT_THERE
+        if is_missing and (package != spelled or ":" not in spelled):
+            requirement = f"{package}=={run.manifest.versions.get(package)}"
+            what = f"its sensor {spelled} is not installed here: pip install {requirement}"
         raise InputError(run.folder, what) from None
 
 

@@ -118,9 +118,11 @@ def is_recorded(record: StepRecord) -> bool:
 
 
 def _predicted(steps: Mapping[str, Step], scale: Scale) -> str:
-    said = dict.fromkeys(motion(record.frame.motions, scale) for _, record in steps.values())
+    motions = dict.fromkeys(motion(record.frame.motions, scale) for _, record in steps.values())
     wide = [f"{spread_of(record.predicted, scale)} with `{label}`" for label, (_, record) in steps.items()]
-    odometry = f"odometry says {next(iter(said))}" if len(said) == 1 else "each robot moves by its odometry"
+    odometry = (
+        f"odometry says {next(iter(motions))}" if len(motions) == 1 else "each robot moves by its odometry"
+    )
     return f"{odometry}. The dots now spread over {listed(wide)}: nothing has been seen yet."
 
 

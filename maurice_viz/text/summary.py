@@ -99,10 +99,10 @@ def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str
     """Write a mean difference and its 95 % interval in multiples of `unit`: "-0.4 [-0.9, 0.1]"."""
     ends = () if difference.interval is None else difference.interval
     mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
-    agreed = (
+    agreement = (
         f"all {difference.blocks} blocks agree" if difference.agrees and difference.is_sure else UNDECIDED
     )
-    return f"{mean} [{', '.join(interval) or agreed}]"
+    return f"{mean} [{', '.join(interval) or agreement}]"
 
 
 def _closer(difference: ErrorDifference | None) -> str:

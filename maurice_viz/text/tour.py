@@ -93,19 +93,19 @@ def tour_pages(
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
     has_truth = any(verdict.has_truth for verdict in verdicts.values())
-    passed = -1  # number of the last moment
+    previous = -1  # number of the last moment
     for step, lesson in lessons.items():
-        while passed + 1 < len(tour) and tour[passed + 1].step <= step:
-            passed += 1
+        while previous + 1 < len(tour) and tour[previous + 1].step <= step:
+            previous += 1
         title, look = f"**Step {step}.**", ""
-        if passed >= 0 and tour[passed].step == step:
-            title = f"**{passed + 1} of {len(tour)} · step {step}: {names[passed]}.**"
-            look = _look(tour[passed], scale, has_truth)
-        elif passed >= 0 and tour[passed].kind != BEGINS:
-            title = f"**Step {step}**, after step {tour[passed].step} ({names[passed]})."
+        if previous >= 0 and tour[previous].step == step:
+            title = f"**{previous + 1} of {len(tour)} · step {step}: {names[previous]}.**"
+            look = _look(tour[previous], scale, has_truth)
+        elif previous >= 0 and tour[previous].kind != BEGINS:
+            title = f"**Step {step}**, after step {tour[previous].step} ({names[previous]})."
         parts = [title, look, f"**{lesson}**" if lesson else ""]
-        if passed + 1 < len(tour):
-            parts.append(f"Next: **step {tour[passed + 1].step}**, {names[passed + 1]}.")
+        if previous + 1 < len(tour):
+            parts.append(f"Next: **step {tour[previous + 1].step}**, {names[previous + 1]}.")
         command = open_command(opens, Place(step, Phase.WEIGHT))
         walk = f" Phase by phase: `{command}`" if opens and explained.endswith(GO_THERE) else ""
         whole, short = (" ".join(filter(None, sentences)) for sentences in (parts, [title, *parts[2:]]))

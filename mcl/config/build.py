@@ -149,10 +149,10 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
                 "a camera's features need a library of pictures" if library.is_map else "a laser needs a map"
             )
             raise InputError(None, f"found no {', '.join(missing)} in {library.name!r}: {other}")
-        wanted = f"found {', '.join(holds) or 'no channel'} in the library {library.name!r}"
-        wanted += f", expected {(lacking or missing)[0]}"
+        fault = f"found {', '.join(holds) or 'no channel'} in the library {library.name!r}"
+        fault += f", expected {(lacking or missing)[0]}"
         again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
-        raise InputError(None, f"{wanted}; {again}choose another feature")
+        raise InputError(None, f"{fault}; {again}choose another feature")
     return _with_weights(configuration, library_weights, library), missing
 
 

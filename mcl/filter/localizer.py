@@ -183,8 +183,8 @@ class Localizer:
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
         """Copy particles by weight, with room for those that recovery draws, where anything requires it."""
-        needed = round(recovery.share * weighted.size) or recovery.expand
-        if not needed and not self.resampling.when(weighted, step):
+        count = round(recovery.share * weighted.size) or recovery.expand
+        if not count and not self.resampling.when(weighted, step):
             return Resampled(weighted)
         return self.resampling.copies(weighted, recovery.share, lambda purpose: self._rng(step, purpose))
 

@@ -256,8 +256,8 @@ def _floors(value: Any) -> dict[str, FloorDrift]:
 def _drift(floor: str, spec: Any) -> FloorDrift:
     names = [f.name for f in fields(FloorDrift)]
     if not isinstance(spec, Mapping) or set(spec) - set(names):
-        wanted = f"{', '.join(names[:-1])} and {names[-1]}"
-        raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
+        names_in_words = f"{', '.join(names[:-1])} and {names[-1]}"
+        raise ValueError(f"robot.motion.drift.{floor} must hold {names_in_words}, found {spec!r}")
     return FloorDrift(
         **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
     )

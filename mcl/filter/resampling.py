@@ -201,13 +201,13 @@ def adapted_size(belief: Belief, parameters: KldParameters, rng: np.random.Gener
     """
     bins = bins_of(belief, parameters)
     usable = len(np.unique(bins[belief.log_weights > -np.inf]))
-    wanted = kld_size(np.arange(usable + 1), parameters.epsilon, parameters.delta)
-    limit = min(max(int(wanted[-1]), parameters.least), parameters.most)
+    sizes = kld_size(np.arange(usable + 1), parameters.epsilon, parameters.delta)
+    limit = min(max(int(sizes[-1]), parameters.least), parameters.most)
     cumulative, last = _cumulative(belief.weights)
     drawn = np.minimum(cumulative.searchsorted(rng.random(limit), side="right"), last)
     first = np.unique(bins[drawn], return_index=True)[1]  # draws that fill a new bin
     filled = np.bincount(first, minlength=limit).cumsum()  # after each draw
-    enough = np.arange(1, limit + 1) >= np.maximum(wanted[filled], parameters.least)
+    enough = np.arange(1, limit + 1) >= np.maximum(sizes[filled], parameters.least)
     return int(enough.argmax()) + 1 if enough.any() else limit
 
 

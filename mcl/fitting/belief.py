@@ -281,7 +281,7 @@ def _power(denser: Sequence[F64]) -> float:
     The region that did hold the truth in 90 % says by how much the variances are too small: about its middle
     a cloud is nearly normal, and the p region of a normal one has a squared radius of -2 log(1 - p).
     """
-    needed = float(np.quantile(np.concatenate(denser), COVERED_SHARE))
-    too_small = np.log(max(1 - needed, 1e-9)) / np.log(1 - COVERED_SHARE)
+    threshold = float(np.quantile(np.concatenate(denser), COVERED_SHARE))
+    too_small = np.log(max(1 - threshold, 1e-9)) / np.log(1 - COVERED_SHARE)
     power = max(too_small, 1e-9) ** (-1 / NARROWING_POWER)
     return float(np.clip(power, 1 / MOST_FACTOR, MOST_FACTOR))

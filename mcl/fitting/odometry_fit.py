@@ -268,9 +268,9 @@ def _variances(linear: LinearDrive, variances: F64) -> F64:
     for _ in range(MOST_STEPS):
         inverse = linear.inverse(variances)
         pulled = np.einsum("nij,nj->ni", inverse, linear.errors)
-        wanted = np.einsum("ni,nqij,nj->q", pulled, linear.parts, pulled)
+        observed = np.einsum("ni,nqij,nj->q", pulled, linear.parts, pulled)
         expected = np.einsum("nij,nqji->q", inverse, linear.parts)
-        ratio = np.sqrt(np.divide(wanted, expected, out=np.ones_like(expected), where=expected > 0))
+        ratio = np.sqrt(np.divide(observed, expected, out=np.ones_like(expected), where=expected > 0))
         variances = np.where(variances > 0, np.maximum(variances * ratio, 1e-14), 0.0)
         if (np.abs(ratio - 1) * expected * variances).max() < CONVERGED_SHARE * len(linear.errors):
             break
@@ -343,10 +343,10 @@ def _scale(measured: F64, errors: F64) -> Fitted | None:
 
 def _means(linear: LinearDrive, inverse: F64, means: F64) -> list[Fitted]:
     """Return the constants (P + 2,) of the mean with their intervals."""
-    weighed = np.einsum("nip,nij->npj", linear.biases, inverse)
-    length, shape = _shaped(np.einsum("npj,njk->pk", weighed, linear.biases))
+    weighted = np.einsum("nip,nij->npj", linear.biases, inverse)
+    length, shape = _shaped(np.einsum("npj,njk->pk", weighted, linear.biases))
     turned = np.linalg.inv(shape + SINGULAR * np.eye(len(means))) / np.outer(length, length)
-    spread = _wider(turned, np.einsum("npj,nj->np", weighed, linear.errors))
+    spread = _wider(turned, np.einsum("npj,nj->np", weighted, linear.errors))
     reach = _reach(len(linear.errors)) * np.sqrt(spread)
     return [Fitted(*(float(v) for v in row)) for row in np.array([means, means - reach, means + reach]).T]
 

@@ -321,13 +321,13 @@ def _counted(
 def _blocks(pictures: Iterable[tuple[F32, int]], sensor: SensorModel) -> list[Sample]:
     """Join pictures that are compared with as many references, the same number of times in each block."""
     most = max(1, MOST_IN_BLOCK // (len(sensor.weights) * sensor.library.size))
-    samples, begun = list[Sample](), dict[int, list[tuple[F32, int]]]()
+    samples, open_blocks = list[Sample](), dict[int, list[tuple[F32, int]]]()
     for distances, truth in pictures:
-        block = begun.setdefault(distances.shape[1], [])
+        block = open_blocks.setdefault(distances.shape[1], [])
         block.append((distances, truth))
         if len(block) == most:
-            samples.append(_sample(begun.pop(distances.shape[1])))
-    return samples + [_sample(block) for block in begun.values()]
+            samples.append(_sample(open_blocks.pop(distances.shape[1])))
+    return samples + [_sample(block) for block in open_blocks.values()]
 
 
 def _sample(block: Sequence[tuple[F32, int]]) -> Sample:

@@ -89,10 +89,10 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
     if not len(points):
         return 0.0
     chosen = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
-    tree, wanted = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    tree, headings = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     shares = []
     for entries in tree.query_ball_point(chosen, reach_m):
-        turned = np.abs(wrap_angle(poses[entries, 2] - wanted[:, None]))
+        turned = np.abs(wrap_angle(poses[entries, 2] - headings[:, None]))
         shares.append(float((turned.min(axis=1) <= VIEW_RAD / 2 + 1e-6).mean()))
     return float(np.mean(shares))
 

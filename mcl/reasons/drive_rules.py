@@ -258,22 +258,22 @@ def no_particle(story: Story) -> Failure | None:
     if not known:
         return None
     nearest = min(update.near.nearest_m for update in known if update.near)
-    counted = [update for update in known if _counts(update)]
+    scored_updates = [update for update in known if _counts(update)]
     size = {"nearest_m": nearest, "particles": known[0].size}
-    if not counted:
+    if not scored_updates:
         return story.failure(PROPOSAL, known[0].step, ever="no", **size)
     lost = story.updates[story.lost].step
-    before = [update for update in counted if update.step < lost]
-    if not before and len(counted) >= MOST_SHARE * len(known):
+    before = [update for update in scored_updates if update.step < lost]
+    if not before and len(scored_updates) >= MOST_SHARE * len(known):
         return None  # a search that had them nearly all the time
-    since = before[-1] if before else counted[0]
+    since = before[-1] if before else scored_updates[0]
     later = [update for update in known if update.step > since.step and update.near]
-    gone = [update for update in later if update.near and not update.near.particles]
-    gone = gone or [update for update in later if not before and not _counts(update)]
-    if not gone and not before:
+    updates = [update for update in later if update.near and not update.near.particles]
+    updates = updates or [update for update in later if not before and not _counts(update)]
+    if not updates and not before:
         return story.failure(PROPOSAL, known[0].step, ever="late", came=since.step, **size)
-    died = gone[0].step if gone else lost
-    until = [update for update in counted if update.step < died] or [since]
+    died = updates[0].step if updates else lost
+    until = [update for update in scored_updates if update.step < died] or [since]
     return story.failure(PROPOSAL, died, ever="yes", held_until=until[-1].step, died=died, **size)
 
 

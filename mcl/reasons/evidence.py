@@ -370,8 +370,8 @@ class Story:
                 continue
             least = LEAST_SHARE / now.size
             shares = (before.near.shares[2], *now.near.shares[:2])
-            near, moved, weighed = (float(np.log(max(share, least))) for share in shares)
-            motion, pictures = motion + near - moved, pictures + moved - weighed
+            near, moved, weighting = (float(np.log(max(share, least))) for share in shares)
+            motion, pictures = motion + near - moved, pictures + moved - weighting
         return motion, pictures
 
     @cached_property

@@ -150,11 +150,11 @@ def explain_step(
     if isinstance(asked, int):
         nearest[ASKED] = asked  # the nearest reference may be another of the same pose
     nearest[WINNER] = int(comparison.quality.argmax())
-    weighed: list[float | None] = [None] * len(poses)
+    nats_of_poses: list[float | None] = [None] * len(poses)
     sensed: list[dict[str, float]] = [{}] * len(poses)
     if weigh:
         at = _relative(sensor, np.stack(list(poses.values())))
-        weighed = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
+        nats_of_poses = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
         sensed = [_sensed(comparison, sensor, pose[None]) for pose in at]
     different = sorted({entry for entry in nearest.values() if entry >= 0})
     explanations = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
@@ -168,7 +168,7 @@ def explain_step(
             from_estimate=offset(pose, record.estimate.pose),
             sensed=nats,
         )
-        for (who, pose), weight, nats in zip(poses.items(), weighed, sensed, strict=True)
+        for (who, pose), weight, nats in zip(poses.items(), nats_of_poses, sensed, strict=True)
     )
     return StepExplanation(record.frame.step, comparison.channels, shown)
 

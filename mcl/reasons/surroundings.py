@@ -272,14 +272,14 @@ def light_fit(
     if expected is None:
         return None
     levels = image.reshape(-1, 3).mean(axis=0)
-    over, wanted = (np.maximum(mean - BLACK, LEAST_LEVEL) for mean in (levels, expected))
-    ratio = float(np.log(over.sum() / wanted.sum()))
+    over, target = (np.maximum(mean - BLACK, LEAST_LEVEL) for mean in (levels, expected))
+    ratio = float(np.log(over.sum() / target.sum()))
     if abs(ratio) < NOTABLE_RATIO:
         return LightFit(ratio, float(levels.mean()), float(expected.mean()), fit.cost, fit.behind)
-    brighter = np.clip((image - BLACK) * (wanted / over) + BLACK, 0, 255).astype(np.uint8)
+    brighter = np.clip((image - BLACK) * (target / over) + BLACK, 0, 255).astype(np.uint8)
     corrected = surroundings.sensor.see(Frame(0, 0.0, np.empty((0, 3)), brighter, ""))
     again = surroundings.fit(corrected, truth, estimate)
-    colors = float((np.log(over / wanted) / ratio).min())
+    colors = float((np.log(over / target) / ratio).min())
     cost, behind = (fit.cost, fit.behind) if again is None else (again.cost, again.behind)
     return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind, colors)
 

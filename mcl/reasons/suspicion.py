@@ -115,9 +115,9 @@ def unexplained(story: Story) -> Failure:
 
 def _levels(story: Story) -> dict[str, float]:
     """Return how well cloud and best reference explained the pictures before a doubt, and since."""
-    began, lost = story.began, story.lost
-    since = story.updates[began : lost + 1]
-    before = story.updates[max(0, began - USUAL_UPDATES) : began] or since
+    onset, lost = story.began, story.lost
+    since = story.updates[onset : lost + 1]
+    before = story.updates[max(0, onset - USUAL_UPDATES) : onset] or since
     cloud, best = (_medians(before, since, name) for name in ("cloud", "best"))
     numbers = {
         "knows": story.updates[lost].knows or 0.0,

@@ -108,13 +108,13 @@ class SteppedRuns:
         states: Sequence[FilterState] | None = None,
     ) -> SteppedRuns:
         """Initialize every run; arguments as for `run_batch`."""
-        begun = list(_begun(localizer, seeds, starts) if states is None else states)
+        first_states = list(_begun(localizer, seeds, starts) if states is None else states)
         known = starts if isinstance(starts, np.ndarray) else None
         rows = TableRows(len(seeds), known, localizer.particles, localizer.radii)
-        alike = all(state.belief.size == localizer.particles for state in begun)
+        alike = all(state.belief.size == localizer.particles for state in first_states)
         if len(seeds) > 1 and alike and can_batch(localizer):
-            return cls(localizer, seeds, Batch.begin(localizer, seeds, begun), [], rows)
-        return cls(localizer, seeds, None, begun, rows)
+            return cls(localizer, seeds, Batch.begin(localizer, seeds, first_states), [], rows)
+        return cls(localizer, seeds, None, first_states, rows)
 
     def advance(self, moment: Moment, comparison: Comparison) -> None:
         """Process one frame in every run."""

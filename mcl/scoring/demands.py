@@ -49,7 +49,7 @@ class Demands:
             ERROR: self.max_error_m is not None,
             CONVERGED: self.converged_by is not None,
         }
-        return tuple(kind for kind, wanted in demands.items() if wanted)
+        return tuple(kind for kind, has_demand in demands.items() if has_demand)
 
     @property
     def grace(self) -> int:
@@ -111,7 +111,7 @@ class RunJudgement:
 
 def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJudgement:
     """Judge one run."""
-    met: dict[str, bool] = {}
+    results: dict[str, bool] = {}
     failed_at: dict[str, int] = {}
     counts = demands.counting(len(track.error_m), starts)
     by_kind = {LOCALIZED: track.localized, CONVERGED: track.converged}
@@ -119,7 +119,7 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     by = {LOCALIZED: demands.localized_by, CONVERGED: demands.converged_by}
     for kind in demands.kinds:
         failed = _failed(kind, track, counts, after_starts, by, starts, demands)
-        met[kind] = failed is None
+        results[kind] = failed is None
         if failed is not None:
             failed_at[kind] = failed
     known = counts & np.isfinite(track.error_m)
@@ -130,7 +130,7 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     after = {kind: _worst(values) for kind, values in judged.items()}
     found_at = {kind: tuple(after is not None for after in values) for kind, values in judged.items()}
     return RunJudgement(
-        track.seed, met, failed_at, error_mean_m, after[LOCALIZED], after[CONVERGED], found_at
+        track.seed, results, failed_at, error_mean_m, after[LOCALIZED], after[CONVERGED], found_at
     )
 
 

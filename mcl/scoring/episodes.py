@@ -72,7 +72,9 @@ class Episode:
             return f"not localized from step {self.first} to {self.last}"
         if self.kind == PROBABLY_LOST:
             return f"probably lost from step {self.first} to {self.last}"
-        began = f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"
+        beginning = (
+            f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"
+        )
         later = []
         if self.noticed is not None:
             early = self.noticed < self.onset
@@ -80,7 +82,7 @@ class Episode:
             later.append((self.noticed, text))
         if self.lost is not None:
             later.append((self.lost, f"declared lost at step {self.lost}"))
-        return ", ".join([began, *(text for _, text in sorted(later))])
+        return ", ".join([beginning, *(text for _, text in sorted(later))])
 
     @property
     def ending(self) -> str:
@@ -218,12 +220,12 @@ def _spans(marks: _Marks) -> Iterator[_Span]:
 
 def _search(marks: _Marks) -> _Span | None:
     """Return the search that a run begins with, or what follows, if it knew where it was before its end."""
-    begun = None if marks.knew is None else _begun(marks, marks.knew)
+    onset = None if marks.knew is None else _begun(marks, marks.knew)
     if marks.search is None:
-        return begun
+        return onset
     localized = _first(marks.ends, marks.search)
-    if begun is not None and (localized is None or begun.known < localized + LOCALIZED_OF[1]):
-        return begun
+    if onset is not None and (localized is None or onset.known < localized + LOCALIZED_OF[1]):
+        return onset
     return _Span(SEARCHING, marks.search, marks.search)
 
 

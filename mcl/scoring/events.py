@@ -200,17 +200,17 @@ class RunEvent:
 def joined(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return events in order, with those that continue an earlier one joined to it."""
     lines = list[RunEvent]()
-    begun: dict[str, int] = {}
+    first_steps: dict[str, int] = {}
     for event in events:
-        if not event.continues or event.kind not in begun:
-            begun[event.kind] = len(lines)
+        if not event.continues or event.kind not in first_steps:
+            first_steps[event.kind] = len(lines)
             lines.append(event)
             continue
-        first = lines[begun[event.kind]]
+        first = lines[first_steps[event.kind]]
         fresh = first.fresh + event.fresh
         drawn = f": {fresh} fresh in all" if fresh else ""
         text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}{drawn}"
-        lines[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
+        lines[first_steps[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
     return lines
 
 

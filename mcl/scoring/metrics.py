@@ -178,8 +178,8 @@ def first_mostly(localized: Bool) -> int | None:
 
 def mostly_at_end(correct: list[bool]) -> bool | None:
     """Return whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
-    needed, window = RIGHT_AT_END
-    return sum(correct[-window:]) >= needed if len(correct) >= window else None
+    least, window = RIGHT_AT_END
+    return sum(correct[-window:]) >= least if len(correct) >= window else None
 
 
 def _share(flags: Bool) -> float | None:
@@ -243,14 +243,14 @@ def _success(preset: str, met: Bool, run: RunTable, since: int) -> Success:
         return Success(preset, failed=TOO_LATE, failed_at_step=int(steps[late]))
     if at is None:
         return Success(preset)
-    gone = _first(too_far[since + at :])
+    first_out = _first(too_far[since + at :])
     return Success(
         preset,
         at_step=int(steps[at]),
         at_m=float(driven_m[at]) - begun_m,
         at_s=float(times_s[at]) - begun_s,
-        failed=None if gone is None else LEFT_TRUTH,
-        failed_at_step=None if gone is None else int(steps[at + gone]),
+        failed=None if first_out is None else LEFT_TRUTH,
+        failed_at_step=None if first_out is None else int(steps[at + first_out]),
     )
 
 

@@ -463,9 +463,9 @@ def in_a_row(flags: Bool) -> I32:
 
 def mostly(flags: Bool) -> Bool:
     """Return where (n,) five updates begin of which the first and at least four have a flag set."""
-    (needed, window), begins = LOCALIZED_OF, np.zeros(len(flags), bool)
+    (least, window), begins = LOCALIZED_OF, np.zeros(len(flags), bool)
     total = np.concatenate([[0], np.cumsum(flags)])
-    begins[: max(len(flags) - window + 1, 0)] = total[window:] - total[:-window] >= needed
+    begins[: max(len(flags) - window + 1, 0)] = total[window:] - total[:-window] >= least
     return begins & flags
 
 

@@ -58,15 +58,15 @@ def measured(
     image: U8, channels: Iterable[str], known: KnownDescriptors | None = None
 ) -> tuple[dict[str, F32], dict[str, float]]:
     """Return what channels measure in a picture (H, W, 3) RGB, and the seconds that each took."""
-    names, began = tuple(dict.fromkeys(channels)), perf_counter()
+    names, start_s = tuple(dict.fromkeys(channels)), perf_counter()
     image = reduced(image)
     descriptors = {} if known is None else known.find(image, names)
-    took_s = dict.fromkeys(names, (perf_counter() - began) / max(len(names), 1))
+    took_s = dict.fromkeys(names, (perf_counter() - start_s) / max(len(names), 1))
     missing = [name for name in names if name not in descriptors]
     for name in missing:
-        began = perf_counter()
+        start_s = perf_counter()
         descriptors[name] = CHANNELS[name].describe(image)
-        took_s[name] += perf_counter() - began
+        took_s[name] += perf_counter() - start_s
     if known is not None and missing:
         known.keep(image, {name: descriptors[name] for name in missing})
     return descriptors, took_s
@@ -86,23 +86,23 @@ def compared(
             if id(pose_sensor) not in readings:
                 readings[id(pose_sensor)] = _read(pose_sensor, frame, known)
             shared += readings[id(pose_sensor)][1]
-        began = perf_counter()
+        start_s = perf_counter()
         read = {name: readings[id(used)][0] for name, used in sensor.sensors.items()}
         comparison = sensor.compare(
             {name: descriptors[name] for name in sensor.weights},
             {name: value for name, value in read.items() if value is not None},
         )
         comparison.prepare()
-        took = perf_counter() - began + shared + sum(took_s[name] for name in sensor.weights)
+        took = perf_counter() - start_s + shared + sum(took_s[name] for name in sensor.weights)
         results.append(Compared(comparison, took))
     return tuple(results)
 
 
 def _read(sensor: PoseSensor, frame: Frame, known: KnownDescriptors | None) -> tuple[Any, float]:
     """Return what a pose sensor reads, and how long that took."""
-    began, keeps = perf_counter(), hasattr(sensor, "of_numbers")
+    start_s, keeps = perf_counter(), hasattr(sensor, "of_numbers")
     reading = known.reading(sensor, frame) if known is not None and keeps else sensor.read(frame)
-    return reading, perf_counter() - began
+    return reading, perf_counter() - start_s
 
 
 def compared_ahead(

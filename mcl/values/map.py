@@ -178,9 +178,9 @@ def _reachable(walled: U8, places: F64, corner: F64, cell: float) -> Bool:
     rows, columns = walled.shape
     where = np.floor((places - corner) / cell).astype(int)
     inside = where[(where >= 0).all(axis=1) & (where < (columns, rows)).all(axis=1)]
-    wanted = np.unique(islands[inside[:, 1], inside[:, 0]])
-    wanted = wanted[wanted > 0]
-    return np.isin(islands, wanted) if len(wanted) else np.ones(walled.shape, bool)
+    numbers = np.unique(islands[inside[:, 1], inside[:, 0]])
+    numbers = numbers[numbers > 0]
+    return np.isin(islands, numbers) if len(numbers) else np.ones(walled.shape, bool)
 
 
 # Lines of sight.

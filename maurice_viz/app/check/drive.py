@@ -148,11 +148,13 @@ def check_drive(
 
     A saved run of a recorded localizer is judged as it is. InputError, OptionError.
     """
-    began = time.perf_counter()
+    start_s = time.perf_counter()
     if isinstance(source, (str, Path)) and is_saved(Path(source)):
         saved = only_run(Path(source))
         if saved.manifest.recorded:
-            return replace(_check_recorded(saved, asked, taken, listener), took_s=time.perf_counter() - began)
+            return replace(
+                _check_recorded(saved, asked, taken, listener), took_s=time.perf_counter() - start_s
+            )
     reading, (spec,) = read_as_amcl(source, asked.reading, [asked.spec], listener)
     asked = replace(asked, reading=reading, spec=spec)
     session = open_session(source, asked.reading, listener)
@@ -173,7 +175,7 @@ def check_drive(
         result = replace(
             result, failure=failed_run(replayed, *worst, result.session, asked.artifacts, listener)
         )
-    return replace(result, took_s=time.perf_counter() - began)
+    return replace(result, took_s=time.perf_counter() - start_s)
 
 
 def _unique(name: str, taken: Sequence[str]) -> str:

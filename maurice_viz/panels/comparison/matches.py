@@ -169,13 +169,13 @@ class MatchesDrawing:
     def _names_at(self, places: F32, truths: F32) -> list[F32]:
         """Return where the names of places (K, 2) stand: as far as can be from all else."""
         under = np.array((0, TRUTH_NAME * self._long), np.float32)  # the name of a truth hangs below it
-        taken = [*places, *truths, *(truths + under)]
+        places_taken = [*places, *truths, *(truths + under)]
         names: list[F32] = []
         for at in places:
             options = np.clip(at + NAMES_AT * self._long, *self._names_within)
-            away = np.hypot(*(options[:, None] - np.array(taken)).transpose(2, 0, 1)).min(axis=1)
+            away = np.hypot(*(options[:, None] - np.array(places_taken)).transpose(2, 0, 1)).min(axis=1)
             names.append(options[int(np.minimum(away, CLEAR * self._long).argmax())])
-            taken.append(names[-1])
+            places_taken.append(names[-1])
         return names
 
 

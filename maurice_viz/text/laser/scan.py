@@ -34,8 +34,8 @@ def scan_words(judgment: BeamJudgment, proposal: PoseProposal | None, scale: Sca
 def say_beams(name: str, judgment: BeamJudgment, nats: float, scale: Scale) -> str:
     """Return how many beams are what at a pose: "At the truth 58 of 60 beams agree with the map, ..."."""
     parts = [
-        f"{judgment.count(kind)} {said}{f' ({scale.say(judgment.gap_m(kind))})' if kind in WITH_GAP else ''}"
-        for kind, said in list(BEAMS.items())[1:]
+        f"{judgment.count(kind)} {words}{f' ({scale.say(judgment.gap_m(kind))})' if kind in WITH_GAP else ''}"
+        for kind, words in list(BEAMS.items())[1:]
         if judgment.count(kind)
     ]
     first = f"{judgment.count('agrees')} of {len(judgment.judged)} beams agree with the map"
@@ -48,8 +48,8 @@ def scan_table(
     """Return a Markdown table of beams by what they are, and their nats, at each pose by its name."""
     rows = [["beams that", *(f"at the {name}" for name in judged)], ["---"] * (1 + len(judged))]
     rows += [
-        [said, *(_cell(judgment, kind, scale) for judgment in judged.values())]
-        for kind, said in BEAMS.items()
+        [phrase, *(_cell(judgment, kind, scale) for judgment in judged.values())]
+        for kind, phrase in BEAMS.items()
         if any(judgment.count(kind) for judgment in judged.values())
     ]
     rows.append([f"log-likelihood by `{model}`", *(f"{value:.1f} nats" for value in nats.values())])

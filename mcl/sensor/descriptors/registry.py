@@ -96,14 +96,14 @@ def load_channels(points: Iterable[EntryPoint]) -> Loaded:
 def _load(point: EntryPoint) -> Channel:
     try:
         channel: Channel = point.load()()
-        wanted = (channel.name, channel.distance, channel.describe, channel.parameters(), channel.unit)
-        json.dumps(wanted[3], allow_nan=False)
+        members = (channel.name, channel.distance, channel.describe, channel.parameters(), channel.unit)
+        json.dumps(members[3], allow_nan=False)
     except (Exception, SystemExit) as problem:  # third-party code may raise anything
         raise ValueError(f"makes no channel ({type(problem).__name__}: {problem})") from problem
-    if not isinstance(wanted[0], str) or not NAME.fullmatch(wanted[0]):
-        raise ValueError(f"its name is {wanted[0]!r}, expected a lower-case word like tiny_image")
-    if wanted[1] not in DISTANCES:
-        raise ValueError(f"its distance is {wanted[1]!r}, expected one of {', '.join(DISTANCES)}")
+    if not isinstance(members[0], str) or not NAME.fullmatch(members[0]):
+        raise ValueError(f"its name is {members[0]!r}, expected a lower-case word like tiny_image")
+    if members[1] not in DISTANCES:
+        raise ValueError(f"its distance is {members[1]!r}, expected one of {', '.join(DISTANCES)}")
     return channel
 
 
@@ -194,8 +194,8 @@ class OwnChannel:
             raise ValueError(
                 f"channel {part}: has no describe(image); a channel has name, distance and describe"
             )
-        taken = (*LOADED.channels, *POSE_SENSORS)
-        if not isinstance(self.name, str) or not NAME.fullmatch(self.name) or self.name in taken:
+        names = (*LOADED.channels, *POSE_SENSORS)
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name) or self.name in names:
             expected = "expected a lower-case word like cells that no channel has"
             expected += "; rename the file" if is_network(part) else ""
             raise ValueError(f"channel {part}: its name is {self.name!r}, {expected}")

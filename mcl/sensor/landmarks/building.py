@@ -104,8 +104,8 @@ def landmarks_of(
     """Find landmarks from the keypoints of references at poses (L, 3), in pictures of a size (H, W)."""
     usable = sum(len(points.pixels) > 0 for points in keypoints)
     if usable < LEAST_REFERENCES:
-        wanted = f"expected {LEAST_REFERENCES} or more in pictures of one size"
-        return NoLandmarks(f"found {usable} references with keypoints, {wanted}")
+        advice = f"expected {LEAST_REFERENCES} or more in pictures of one size"
+        return NoLandmarks(f"found {usable} references with keypoints, {advice}")
     nominal = nominal_camera(camera, size[1], size[0])
     matched = _matched(keypoints, poses, overlapping(poses, nominal.yaw_rad))
     if len(matched.edges) < LEAST_LANDMARKS:

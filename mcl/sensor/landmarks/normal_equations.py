@@ -73,10 +73,10 @@ def change_of(views: WeightedViews, points: int, stated: Stated) -> Change:
     size = stated.off.size
     square = matrix.reshape(size, size)
     square[np.diag_indices(size)] += stated.information.ravel()
-    wanted = np.column_stack([right.ravel(), np.eye(size, 3, 3 - size)])
+    sides = np.column_stack([right.ravel(), np.eye(size, 3, 3 - size)])
     # of the transpose, which LAPACK reads without a copy, it takes the upper half: the lower one of this
     factor = cho_factor(square.T, overwrite_a=True, check_finite=False)
-    answer = cho_solve(factor, wanted, overwrite_b=True, check_finite=False)
+    answer = cho_solve(factor, sides, overwrite_b=True, check_finite=False)
     poses, camera = answer[:-3, 0].reshape(-1, 3), answer[-3:, 0]
     left = besides_shared[:, :, 3] - besides_shared[:, :, :3] @ camera
     left -= _sums((poses[reference][:, None, :] @ shared)[:, 0], point, points)
