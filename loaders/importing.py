@@ -65,7 +65,7 @@ class Split:
 
 
 def split_rows(poses: F64, every: int, guard_m: float) -> Split:
-    """Divide poses (n, 3): every so many-th run of equal ones to the session, the rest to the library.
+    """Divide poses (n, 3): every `every`-th run of equal ones to the session, the rest to the library.
 
     A library run within `guard_m` of a session pose is dropped: neighboring frames are nearly one picture.
     """
@@ -85,7 +85,7 @@ def split_rows(poses: F64, every: int, guard_m: float) -> Split:
 
 
 def spread(run: Sequence[int], most: int) -> list[int]:
-    """Choose at most so many rows of a run, evenly spread: one is the middle one."""
+    """Choose at most `most` rows of a run, evenly spread; a single one is the middle one."""
     count = min(most, len(run))
     return [run[(2 * k + 1) * len(run) // (2 * count)] for k in range(count)]
 

@@ -198,7 +198,7 @@ def _files_in(path: Path) -> list[Path]:
 
 
 def part_of(path: Path) -> str:
-    """Return a remark on a file of a recording that has several; "" for all else."""
+    """Return a remark if a file is one of several of a recording; "" if not."""
     files = _files_in(path.parent) if (path.parent / METADATA).is_file() else []
     if path not in files or len(files) < 2:
         return ""

@@ -277,7 +277,7 @@ def pose_in_words(pose: F64) -> str:
 def start_in(
     path: Path, open_bag: OpenBag, given: Sequence[Topic], odometry: PoseTopic | None, first_ns: int
 ) -> tuple[F64 | None, str]:
-    """Return where a drive began (3,) by what somebody told AMCL, and a remark; None: nobody did in time.
+    """Return where a drive began (3,) by what somebody told AMCL, and a remark; None if nobody did in time.
 
     Of several poses the last counts, as it corrects those before; less what odometry saw until it came.
     """

@@ -53,7 +53,7 @@ class Sink(Protocol):
     """A file that is being written."""
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
-        """Take in the next update, and its picture (H, W, 3) RGB where that is at hand."""
+        """Take in the next update, and its picture (H, W, 3) RGB if there is one."""
 
 
 def export_steps(run: SavedRun, *, begin_s: float = 0.0) -> Iterator[ExportStep]:

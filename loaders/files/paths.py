@@ -69,7 +69,7 @@ def manifest_of(path: Path) -> dict[str, Any]:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return what a file or folder is that no format of recordings is asked about; None for any other."""
+    """Return the kind of a file or folder that is no recording; None for any other."""
     if path.is_dir():
         if (path / "plan.json").is_file() and (path / "rows").is_dir():
             return TRIALS

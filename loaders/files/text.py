@@ -103,7 +103,7 @@ def read_toml(file: Path, wanted: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the values of a TOML text. ValueError in one line for what is none or nested too deeply."""
+    """Return the values of a TOML text. ValueError in one line where it is broken or nested too deeply."""
     if key := _LONG_KEY.search(text):
         line = text.count("\n", 0, key.start()) + 1
         raise ValueError(f"found a key of more than 32 parts (at line {line})")

@@ -192,7 +192,7 @@ def pose_file(
     layout: Layout | None = None,
     unit: str | None = None,
 ) -> PoseFile | None:
-    """Return a file of poses; None where there is none. `unit` is what its head says of the times."""
+    """Return a file of poses, or None. `unit` is that of the times, as the file's head has it."""
     if file is None or not file.is_file():
         return None
     offset_s = options.odometry_offset_s if kind is OdometryPose else options.truth_offset_s

@@ -100,7 +100,7 @@ class PosedPictures:
 
 
 def _checked(path: Path, matrix: F64) -> F64:
-    """Return a pose (4, 4) with a rotation of length 1. InputError for what is none."""
+    """Return a pose (4, 4) with a rotation of length 1. InputError for another matrix."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not (np.isfinite(matrix).all() and np.allclose(scale, 1, atol=0.1)):
         raise InputError(path, f"found {show(matrix[:3].round(3).tolist())}, expected a rotation and a place")

@@ -97,7 +97,7 @@ def pose_format(name: str, what: str, looks_like: Callable[[Path], bool], openin
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name, in the order in which they are asked."""
+    """Return all formats by name, in the order in which they are tried."""
     return {form.name: form for form in _in_order()}
 
 
@@ -159,7 +159,7 @@ def open_session(path: str | Path, reading: Reading | None = None, **changes: An
 
 
 def chosen(path: Path, options: Reading) -> Format:
-    """Return the format that was named, or the guess. Raises InputError for a name that is none."""
+    """Return the format that was named, or the guess. Raises InputError for an unknown name."""
     if options.format is None:
         if not (options.table or options.columns):
             return guess(path)

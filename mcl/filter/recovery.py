@@ -211,7 +211,7 @@ STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = Map
 
 
 def strategy_of(parameters: RecoveryParameters) -> RecoveryStrategy:
-    """Return the strategy that is named: ours, or the user's. ValueError where it is not at hand.
+    """Return the strategy of a name: ours, or the user's. ValueError if it is not available.
 
     What a user's strategy raises, and anything but a `Recovery` with a share from 0 to 1, is an InputError.
     """

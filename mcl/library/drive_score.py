@@ -35,7 +35,7 @@ MUTED = 1e4  # a widening by which a likelihood says nothing, however many pictu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivePicture:
-    """A picture of a drive, read when it is asked for, and where it was taken."""
+    """A picture of a drive, read on demand, and where it was taken."""
 
     read: Callable[[], U8 | None]  # (H, W, 3) RGB; None: it cannot be read
     truth: F64  # (3,) in the map's frame
@@ -135,7 +135,7 @@ def _chosen(every: Sequence[range]) -> Sequence[range]:
 
 
 def _some(values: Sequence[Any], most: int) -> list[Any]:
-    """Return at most so many values, evenly spread."""
+    """Return at most `most` values, evenly spread."""
     count = min(most, len(values))
     return [values[k] for k in np.linspace(0, len(values) - 1, count).round().astype(int).tolist()]
 

@@ -101,7 +101,7 @@ def is_sparse(nearest: NearestReference) -> bool:
 class LeftOutTable:
     """A row for each of L references: as if it were a picture, compared with those at all other places.
 
-    Rows are computed when they are asked for, as a large library's would not fit into memory.
+    Rows are computed on demand, as a large library's would not fit into memory.
     """
 
     sensor: SensorModel  # by its channels

@@ -98,8 +98,8 @@ def budget_line(part: str, runs: Sequence[RunTable]) -> BudgetLine:
 def with_true_motions(moments: Sequence[Moment], start: F64 | None) -> list[Moment]:
     """Return the moments with the movement from truth to truth in place of odometry.
 
-    Where the robot was carried no movement is told: no odometer could. An update without truth keeps its own,
-    and the next one with truth leads from there.
+    Where the robot was carried there is no movement: no odometer measures it. An update without truth
+    keeps its own, and the next one with truth leads from there.
     """
     moved, here = [], start
     for moment in moments:

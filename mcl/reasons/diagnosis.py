@@ -183,7 +183,7 @@ class DiagnosisBuilder:
         return stories
 
     def _complete(self, most: int = 0) -> None:
-        """Add what costs much, in order, to all updates but so many: nobody asks for it of a healthy run."""
+        """Add expensive evidence to all waiting updates but the last `most`: healthy runs never need it."""
         while len(self._waiting) > most:
             index = self._waiting.popleft()
             update = self._updates[index]

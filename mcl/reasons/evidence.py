@@ -1,4 +1,4 @@
-"""The evidence of an update and of an episode: the numbers that the causes of a failure are told apart by."""
+"""The evidence of an update and of an episode: the numbers that tell causes of a failure apart."""
 
 from __future__ import annotations
 

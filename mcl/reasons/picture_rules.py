@@ -222,7 +222,7 @@ def _elements(bad: list[UpdateEvidence]) -> dict[str, Value]:
 
 
 def _channel(fits: list[PlaceFit], story: Story) -> str:
-    """Return the channel to blame: the one that tells nothing, else the one that costs most most often."""
+    """Return the channel to blame: the one that says nothing, else the one that most often costs the most."""
     usual = story.usual
     if usual is not None and usual.by_channel and _is_confused(story):
         return max(usual.by_channel, key=lambda name: usual.by_channel[name])

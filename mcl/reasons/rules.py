@@ -37,7 +37,7 @@ TRUTH, NO_TRUTH, NEVER_KNEW = "truth", "no truth", "never knew where it is, with
 
 @dataclass(frozen=True, slots=True)
 class CauseRule:
-    """A rule, and the runs that it is asked of: TRUTH, NO_TRUTH or NEVER_KNEW."""
+    """A rule, and the runs that it is for: TRUTH, NO_TRUTH or NEVER_KNEW."""
 
     holds: Callable[[Story], Failure | None]
     asked: tuple[str, ...] = (TRUTH,)
@@ -85,7 +85,7 @@ COMPARED = (*AGAINST_TRUTH, FLAT)
 
 
 def failures_of(story: Story, asked: str) -> list[Failure]:
-    """Return what the rules that are asked of a run name, in their order."""
+    """Return the failures that the rules for a run find, in the order of the rules."""
     rules = (rule for rule in RULES if asked in rule.asked)
     return [failure for rule in rules if (failure := rule.holds(story)) is not None]
 

@@ -144,13 +144,13 @@ class RunVerdict:
         return chosen[-1] if chosen else None
 
     def has_loud_incident(self, episode: Episode) -> bool:
-        """Return whether something befell the robot right before an episode, which is told by itself."""
+        """Return whether something befell the robot right before an episode, which is reported on its own."""
         incident = self.incident_of(episode)
         return episode.kind == KIDNAPPED or (incident is not None and incident.about.is_loud)
 
     @property
     def unexplained(self) -> Failure | None:
-        """The first failure that no loud incident explains, as that is told by itself."""
+        """The first failure that no loud incident explains, as those are reported on their own."""
         is_loud = any(map(self.has_loud_incident, self.episodes))
         return next((f for f in self.failures if not (is_loud and f.kind in BEFALLING)), None)
 

@@ -174,7 +174,7 @@ class Ancestry:
     _past: deque[_Generation] = field(default_factory=deque)
 
     def see(self, record: StepRecord) -> None:
-        """Process the next update. Of another number of particles nobody knows their ancestors."""
+        """Process the next update. If the number of particles changed, their ancestors are unknown."""
         if self._past and self._size() != len(record.weighted.poses):
             self._past.clear()
         parents = None if record.parents is None else record.parents.astype(np.intp)

@@ -53,7 +53,7 @@ class OutsideSensor:
         return self._call("read", frame)
 
     def log_likelihood(self, reading: Any, poses: F32, origin: F64, spread: PoseSpread = EXACT) -> F32:
-        """Return nats (N,) for poses (N, 3). InputError for another shape, and for what is not finite."""
+        """Return nats (N,) for poses (N, 3). InputError for another shape, or numbers that are not finite."""
         nats = np.asarray(self._call("log_likelihood", reading, poses, origin, spread))
         if nats.shape != (len(poses),) or nats.dtype.kind != "f" or not np.isfinite(nats).all():
             what = f"{nats.dtype} {nats.shape}" if nats.shape != (len(poses),) else "no finite numbers"
@@ -104,7 +104,7 @@ def _installed(spelled: str) -> OutsideSensor:
 
 
 def _loaded(spelled: str, path: str) -> OutsideSensor:
-    """Return the sensor of a path `module:Class`, with or without a hash. InputError for what is none."""
+    """Return the sensor of a path `module:Class`, with or without a hash. InputError if it is no sensor."""
     try:
         sensor = made("sensor", own_part("sensor", path))
     except ValueError as problem:

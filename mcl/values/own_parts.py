@@ -64,7 +64,7 @@ def give_parts(parts: Mapping[str, Any]) -> None:
 
 
 def own_part(what: str, name: str) -> Any:
-    """Return the part of a name. ValueError where it is not at hand, or another one than it was.
+    """Return the part of a name. ValueError if it is not available, or its source has changed.
 
     `what` it is goes into the message, such as "resampler".
     """

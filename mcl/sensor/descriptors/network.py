@@ -50,7 +50,7 @@ def file_of(name: str) -> Path:
 
 
 def network_of(name: str) -> Network:
-    """Return the network of a name. InputError for a file that is none, or another one than it was."""
+    """Return the network of a name. InputError for a file that is none, or that has changed."""
     path = file_of(name).expanduser().absolute()
     table = path.with_suffix(".toml")
     try:
@@ -328,7 +328,7 @@ def _of(fields: list[Field], number: int) -> list[Field]:
 
 
 def _fields(data: memoryview) -> Iterator[Field]:
-    """Yield the fields of a message of protocol buffers. ValueError, IndexError for what is none."""
+    """Yield the fields of a message of protocol buffers. ValueError, IndexError for other bytes."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)

@@ -239,7 +239,7 @@ def _own_channel(part: str) -> OwnChannel:
 
 
 def give_channels(parts: Iterable[str]) -> tuple[str, ...]:
-    """Make the user's channels known by their names, and return these. ValueError for what is none."""
+    """Make the user's channels known by name, and return the names. ValueError for what is no channel."""
     channels = list(map(_own_channel, parts))
     names = tuple(channel.name for channel in channels)
     twice = next((name for name in names if names.count(name) > 1), None)
