@@ -34,7 +34,7 @@ def with_keypoints(
         >>> list(library.sensors)
         ['keypoints']
     """
-    if KEYPOINTS in library.sensors:
+    if KEYPOINTS in library.sensors or library.is_map:
         return library
     cache = cache_root() / KEYPOINTS / f"{key_of(library, VERSION)}.npz"
     arrays = read_arrays(cache)

@@ -201,14 +201,20 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
     order = np.argsort(-costs, kind="stable")
     first = int(order[0])
     mine, best = entry.channels[first], winner.channels[first]
-    text = f"{capital(mine.channel)} costs it {costs[first]:.1f} nats"
+    verified = entry.verified - winner.verified
+    is_most = verified > costs[first]
+    text = f"{capital(KEYPOINTS)} cost it {verified:.1f} nats. " if is_most else ""
+    text += f"{capital(mine.channel)} costs it {costs[first]:.1f} nats"
     planes = planes_of(mine.channel, len(mine.sample))
     run = where_lost(mine, best, planes.count)
     if run is not None:
-        text += f", {run.nats:.1f} of them at {planes.name(run.plane, run.first, run.last)}"
+        won = run.nats - costs[first]  # by the channel's other elements
+        text += f", {run.nats:.1f} {'lost' if won >= LEAST_NATS else 'of them'}"
+        text += f" at {planes.name(run.plane, run.first, run.last)}"
         text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
         text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
-    others = [(KEYPOINTS, entry.verified - winner.verified)]
+        text += f", and {won:.1f} won elsewhere" if won >= LEAST_NATS else ""
+    others = [] if is_most else [(KEYPOINTS, verified)]
     others += [(entry.channels[k].channel, costs[k]) for k in order[1:]]
     others = [(name, cost) for name, cost in others if abs(cost) >= LEAST_NATS]
     more = [f"{name} {cost:.1f}" if cost > 0 else f"{name} favors it by {-cost:.1f}" for name, cost in others]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from maurice_mcl.library.drive_score import DriveScore
 from maurice_mcl.library.left_out import PlaceScore
+from maurice_mcl.sensor.verification import KEYPOINTS
 
 if TYPE_CHECKING:
     from maurice_datasets.trials.recognition import PlaceRecognition
@@ -83,14 +84,24 @@ def say_drive(
 
 
 def say_recognition(recognition: PlaceRecognition) -> Iterator[str]:
-    """Yield what the user should know about a drive's pictures: what was asked, and which channel hurts."""
+    """Yield what the user should know of a drive's pictures: what hurts, and what verification gains."""
     if not recognition.right:
         yield f"found: none of {recognition.pictures} pictures has a reference near its true pose"
         return
-    first = recognition.ways[0].recall[1].value
-    for name in recognition.hurting or filter(None, [recognition.worst]):
-        gain = recognition.without[name]
-        hurts, chance = ("hurts", "") if gain.low > 0 else ("may hurt", ", which may be chance")
-        share_without = f"without it {first + gain.value:.0%} of the pictures find a right reference first"
-        points = f"{gain.text(100, 0, '+')} points{chance}"
-        yield f"{name} {hurts}: {share_without} instead of {first:.0%} ({points})"
+    told = recognition.hurting or ((recognition.worst,) if recognition.worst else ())
+    verifying = tuple(name for name in recognition.without if name == KEYPOINTS and name not in told)
+    for name in told + verifying:  # which have no row of their own
+        yield _without(name, recognition)
+
+
+def _without(name: str, recognition: PlaceRecognition) -> str:
+    """Say how often the right reference is found first without a channel, or without verification."""
+    gain, first = recognition.without[name], recognition.ways[0].recall[1].value
+    is_chance = gain.low <= 0 <= gain.high
+    many = name == KEYPOINTS
+    verb = "hurt" if gain.value > 0 else "help"
+    does = f"may {verb}" if is_chance else f"{verb}{'' if many else 's'}"
+    does = does if gain.value else "make no difference here"
+    share = f"without {'them' if many else 'it'} {first + gain.value:.0%} of the pictures"
+    points = f"{gain.text(100, 0, '+')} points{', which may be chance' if is_chance and gain.value else ''}"
+    return f"{name} {does}: {share} find a right reference first instead of {first:.0%} ({points})"

@@ -133,14 +133,9 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     holds = {**library.index, **library.sensors}
     missing = tuple(name for name in weights if name not in holds)
     library_weights = {name: weight for name, weight in weights.items() if name in holds}
-    if "keypoints" in library_weights and not any(
-        library_weights[name] for name in library_weights if name in library.index
-    ):
-        names = ", ".join(library_weights)
-        raise InputError(
-            None, f"sensor.weights: found {names}, expected a channel, whose finds keypoints verify"
-        )
-    if not missing:
+    has_channel = any(library_weights[name] for name in library_weights if name in library.index)
+    is_unfounded = "keypoints" in library_weights and not has_channel
+    if not missing and not is_unfounded:
         return configuration, ()
     lacking = [name for name in missing if name not in POSE_SENSORS]
     if lacking or not any(library_weights.values()):
@@ -153,6 +148,9 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         fault += f", expected {(lacking or missing)[0]}"
         again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
         raise InputError(None, f"{fault}; {again}choose another feature")
+    if is_unfounded:
+        wanted = "expected a channel, too: keypoints verify the references that channels find"
+        raise InputError(None, f"sensor.weights: found {', '.join(library_weights)}, {wanted}")
     return _with_weights(configuration, library_weights, library), missing
 
 

@@ -39,7 +39,7 @@ def say_beams(name: str, judgment: BeamJudgment, nats: float, scale: Scale) -> s
         if judgment.count(kind)
     ]
     first = f"{judgment.count('agrees')} of {len(judgment.judged)} beams agree with the map"
-    return f"At the {name} {', '.join([first, *parts])}: {nats:.1f} nats."
+    return f"At the {name} {', '.join([first, *parts])}: {nats:z.1f} nats."
 
 
 def scan_table(
@@ -52,7 +52,7 @@ def scan_table(
         for kind, phrase in BEAMS.items()
         if any(judgment.count(kind) for judgment in judged.values())
     ]
-    rows.append([f"log-likelihood by `{model}`", *(f"{value:.1f} nats" for value in nats.values())])
+    rows.append([f"log-likelihood by `{model}`", *(f"{value:z.1f} nats" for value in nats.values())])
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     return f"{table}\n\n{NATS}"
 

@@ -126,7 +126,7 @@ class Judged:
         words += f", {np.median(off[agrees]):.1f} px off in the median" if count else ""
         usual = " (in a picture with little to see most matches are wrong)"
         words += f"{usual}." if self.proposal is not None and 2 * count < total else "."
-        likelihoods = [f"{nats:.1f} nats at the {name}" for name, nats in self.nats.items()]
+        likelihoods = [f"{nats:z.1f} nats at the {name}" for name, nats in self.nats.items()]
         words += f" Log-likelihood: {', '.join(likelihoods)} (0 if all agreed)." if likelihoods else ""
         if self.proposal is None:
             return f"{words} By themselves they do not tell where the robot is.", ()

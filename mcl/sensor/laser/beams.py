@@ -109,5 +109,5 @@ def shown(
         none = np.zeros(len(strips), np.bool_)
         marks.append(ShownMarks(f"beams judged {name}", "map", strips, none, of=name))
     words, lengths = judgment.words
-    at = ", ".join(f"{value:.1f} nats at the {name}" for name, value in nats.items())
+    at = ", ".join(f"{value:z.1f} nats at the {name}" for name, value in nats.items())
     return Shown(f"{words} Log-likelihood: {at} (0 if all agreed).", {}, tuple(marks), lengths)

@@ -181,6 +181,18 @@ def test_the_channel_that_hurts_is_named():
     assert list(say_recognition(PlaceRecognition.of(helps, ["color", "edges"]))) == []
 
 
+def test_what_verification_gains_is_told_as_it_has_no_row_of_its_own():
+    right, wrong = (Ranking(np.full(60, rank, np.int32), np.arange(60.0)) for rank in (1, 40))
+    for together, without, says in (
+        (right, wrong, "keypoints help: without them 0% of the pictures find a right reference first"),
+        (wrong, right, "keypoints hurt: without them 100% of the pictures find a right reference first"),
+        (right, right, "keypoints make no difference here: without them 100% of the pictures"),
+    ):
+        retrieval = Retrieval({"color": wrong}, together, {"keypoints": without}, np.arange(60), 60, 0.5)
+        (line,) = say_recognition(PlaceRecognition.of(retrieval, ["color", "keypoints"]))
+        assert line.startswith(says)
+
+
 OLIN = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "olin"
 SPOTS = ((9, 10, 11, 12, 13, 14, 15), (28, 29, 30, 31, 32), (54, 60, 61, 62, 63, 64))  # runs surveyed
 

@@ -68,6 +68,30 @@ def test_it_names_where_most_is_lost():
     assert where_lost(channel("color", same, same, same), channel("color", same, same, same), 3) is None
 
 
+def test_a_run_that_loses_more_than_its_channel_is_no_part_of_it(library):
+    """The rest was won elsewhere; what verification takes is told first where it is the most."""
+    nothing = np.zeros(84, np.float32)
+    nats, sample, reference = nothing.copy(), nothing.copy(), nothing.copy()
+    nats[56 + 10 : 56 + 13], reference[56 + 10 : 56 + 13] = 1.0, 8.0
+    nats[:14], sample[:14] = -0.1, 20.0  # 3.0 lost there, 1.4 won here
+    step = explained(library)
+    best = replace(step.winner, channels=(channel("color", nothing, nothing, nothing),), verified=0.0)
+    lost = (channel("color", nats, sample, reference),)
+    behind = replace(best, entry=best.entry + 1, channels=lost, behind=1.6)
+    truth, _, winner = step.shown
+    scale = scale_for("in", library.arena)
+    shown = replace(truth, entry=behind), replace(winner, entry=best)
+    says = " ".join(say_step(replace(step, shown=shown), scale))
+    assert "Color costs it 1.6 nats, 3.0 lost at blue 96 to 119, where the picture has less" in says
+    assert "of them" not in says
+    assert ", and 1.4 won elsewhere." in says
+    verified = replace(behind, verified=4.2, behind=5.8)
+    shown = replace(truth, entry=verified), replace(winner, entry=best)
+    says = " ".join(say_step(replace(step, shown=shown), scale))
+    assert "Keypoints cost it 4.2 nats. Color costs it 1.6 nats" in says
+    assert says.count("4.2") == 1
+
+
 @pytest.mark.parametrize("name", sorted(KNOWN))
 def test_every_element_of_a_known_channel_has_a_name(name):
     size, planes = KNOWN[name]

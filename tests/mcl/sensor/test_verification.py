@@ -182,7 +182,7 @@ def test_what_verification_finds_is_told_beside_the_channels(world):
 
 def test_without_a_channel_nothing_is_found_that_could_be_verified(world):
     library, _ = world
-    with pytest.raises(mcl.InputError, match="found keypoints, expected a channel"):
+    with pytest.raises(mcl.InputError, match="found keypoints, expected a channel, too: keypoints verify"):
         mcl.make_localizer(library, settings={"sensor.weights": {"keypoints": 1.0}})
 
 
