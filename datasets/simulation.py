@@ -66,7 +66,7 @@ class SimulationPlan:
         self.task.kidnap_at(self.updates, self.kidnap_at)
         if self.slip_at and (self.recording is not None or self.slip_at[-1] > self.updates):
             why = f"of {self.updates}" if self.recording is None else "on a recorded path"
-            raise ValueError(f"found a slip at update {self.slip_at[-1]} {why}; change --slip-at")
+            raise ValueError(f"found a slip in movement {self.slip_at[-1]} {why}; change --slip-at")
         for change in self.lights:
             if change.update > self.updates:
                 raise ValueError(f"found a change of light at update {change.update} of {self.updates}")

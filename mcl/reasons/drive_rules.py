@@ -139,6 +139,11 @@ def _jumped(update: UpdateEvidence, story: Story) -> bool:
     return unseen_m > update.lost_m or (leap and unseen_m > update.lost_m / 2)
 
 
+def _was_carried(update: UpdateEvidence) -> bool:
+    """Return whether the log says so, or the truth moved much farther than odometry."""
+    return update.kidnapped or (update.moved_m or 0.0) - update.driven_m > update.lost_m
+
+
 def off_map(story: Story) -> Failure | None:
     """The truth lies off the map, or the whole cloud left it."""
     outside = story.where(story.window, has_left)
@@ -175,7 +180,9 @@ def out_of_plane(story: Story) -> Failure | None:
 
 def beyond_motion(story: Story) -> Failure | None:
     """The robot moved as the motion model never would, at once or little by little."""
-    surprises = [(u, u.surprise) for k in story.moves if (u := story.updates[k]).surprise is not None]
+    # a robot that was carried amid a search did not drive; within the window `carried` comes first
+    drives = [k for k in story.moves if k in story.window or not _was_carried(story.updates[k])]
+    surprises = [(u, u.surprise) for k in drives if (u := story.updates[k]).surprise is not None]
     alone = [pair for pair in surprises if pair[1].largest > BEYOND_SD]
     if alone:
         worst, surprise = max(alone, key=lambda pair: pair[1].largest)

@@ -118,7 +118,7 @@ def test_shipped_plans_can_be_read(name: str) -> None:
         ("[[sessions]]\ntask = 'global'\nupdates = 'x'", "updates: found 'x', expected a whole number"),
         ("[[sessions]]\ntask = 'global'\narenas = 0", "arenas: found 0"),
         ("[[sessions]]\ntask = 'global'\nlights = 'nonsense'", "found light change 'nonsense'"),
-        ("[[sessions]]\ntask = 'kidnapped'\nupdates = 4\nkidnap_at = 9", "after update 9 of 4"),
+        ("[[sessions]]\ntask = 'kidnapped'\nupdates = 4\nkidnap_at = 9", "after movement 9 of 4"),
         ("[[sessions]]\npath = 3", "path: found 3, expected a text"),
         ("[[sessions]]\npath = []", "session 1: found an empty list"),
         ("[[sessions]]\npath = 'a.log'\ntask = 'global'", "found both task and path"),

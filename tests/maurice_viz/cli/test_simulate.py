@@ -36,7 +36,7 @@ def environment(**own: str) -> dict[str, str]:
         (["tracking", "-o", "a", "--kidnap-at", "3"], "found a kidnapping in the task"),
         (["tracking", "-o", "a", "--lights", "blink@3"], "light change"),
         (["tracking", "-o", "a", "--slip-at", "soon"], "expected one like 34, or a range like 34-37"),
-        (["tracking", "-o", "a", "--updates", "9", "--slip-at", "8-12"], "found a slip at update 12"),
+        (["tracking", "-o", "a", "--updates", "9", "--slip-at", "8-12"], "found a slip in movement 12"),
         (["tracking", "-o", "a", "--tier", "easy"], "expected one of nominal, dim, hard"),
         (["tracking", "-o", "a", "--rate", "2"], "go with --serve"),
         (["tracking", "--serve", "127.0.0.1:1"], "expected tcp://HOST:PORT"),

@@ -168,6 +168,17 @@ def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
     assert indexes([healthy(step, score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]) == []
 
 
+def test_a_robot_that_is_carried_in_the_middle_of_a_search_is_no_reason_why_it_never_ended():
+    """The way that it was carried is no movement by odometry; one that odometry missed is."""
+    searching = StepScore(2.0, 0.0, False, False, True)
+    for moved, is_motion in ((3.0, False), (0.7, True)):
+        changes = {11: {"moved_m": moved, "surprise": FARTHER}}
+        near = NearTruth(3, (0.9, 0.9, 0.9), 0.1)  # until late: all movements are looked at
+        updates = [healthy(step, score=searching, near=near, **changes.get(step, {})) for step in ALL]
+        found = decided(updates)
+        assert ("motion" in (found.kind, *found.also)) == is_motion, found
+
+
 def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_is():
     searching = StepScore(2.0, 0.0, False, False, True)
 
