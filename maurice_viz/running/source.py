@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
+from maurice_loaders.errors import InputError
 from maurice_loaders.live.source import is_live
 from maurice_loaders.reading.options import Reading
 from maurice_loaders.reading.session import RecordedSession
@@ -70,6 +71,11 @@ class Request:
     listener: Listener = SILENT
     report: Report = lambda scores: None
     alone: bool = False  # whether the drive is shown where there is no library
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.library, str | Path | Library | None):
+            given = type(self.library).__name__
+            raise InputError(None, f"library: found a {given}, expected a path, or a library that is open")
 
     @property
     def is_plain(self) -> bool:

@@ -94,7 +94,7 @@ BEAMSKIP = Advice(f"laser_model_type {PROB} with do_beamskip", _skips_no_beams)
 ASK_THE_SCAN = Advice("--preset laser, which draws particles where the scan fits", _asks_no_scan)
 REMEDIES: Mapping[str, tuple[Advice, ...]] = {  # of failures of a robot with a laser
     KIDNAPPED: (
-        ASK_THE_SCAN,  # first, as by itself AMCL's recovery found the robot in none of our two drives
+        ASK_THE_SCAN,  # first, as by itself AMCL's recovery found the robot in neither of two drives
         Advice("recovery_alpha_slow 0.001, recovery_alpha_fast 0.1", _never_draws),
         Advice("a pose given anew, as by RViz's 2D Pose Estimate", _asks_scans),
     ),

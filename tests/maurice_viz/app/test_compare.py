@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+import maurice_viz as mv
 from helpers import expect_facts
 from helpers.commands import maurice, one_line, runs_of
 from maurice_loaders.formats.registry import open_session
@@ -106,6 +107,12 @@ def test_which_run_uses_other_scans_than_alone_is_said(tmp_path, monkeypatch):
 def test_what_is_ambiguous_is_a_usage_error(small_session, options, said):
     _, err = maurice("compare", small_session, *options, *FEW, expect=2)
     assert said in " ".join(err.split())
+
+
+def test_a_filter_in_the_place_of_a_library_is_refused(small_session):
+    for show in (mv.replay, mv.compare):
+        with pytest.raises(mv.InputError, match="library: found a Filter, expected a path"):
+            show(small_session, mv.Filter("robust"))
 
 
 def test_runs_that_are_compared_have_the_same_noise(small_session):
