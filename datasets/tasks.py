@@ -57,8 +57,8 @@ class Task:
             raise ValueError(f"found {updates} update, expected 2 or more: one comes after the kidnapping")
         at = updates // 2 if asked is None else asked
         if not 1 <= at < updates:
-            found = f"found kidnapping after movement {at} of {updates}"
-            raise ValueError(f"{found}, expected 1 to {updates - 1}")
+            fault = f"found kidnapping after movement {at} of {updates}"
+            raise ValueError(f"{fault}, expected 1 to {updates - 1}")
         return at
 
 

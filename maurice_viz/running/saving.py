@@ -142,7 +142,7 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
 
 def _full(target: Path, problem: OSError, steps: int) -> SinkError:
     """Return the error of a disk that ran full; a folder that holds no step is removed."""
-    advice = f"the run stopped there, and it holds {steps} steps; free some space, and replace it with --force"
+    advice = f"the run stopped there; it holds {steps} steps; free some space, and replace it with --force"
     if not steps:
         discard(target)
         advice = "free some space"

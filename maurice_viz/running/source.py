@@ -73,9 +73,10 @@ class Request:
     alone: bool = False  # whether the drive is shown where there is no library
 
     def __post_init__(self) -> None:
-        if not isinstance(self.library, str | Path | Library | None):
-            given = type(self.library).__name__
-            raise InputError(None, f"library: found a {given}, expected a path, or a library that is open")
+        library: object = self.library  # from a notebook, which checks no types
+        if not isinstance(library, str | Path | Library | None):
+            kind = type(library).__name__
+            raise InputError(None, f"library: found a {kind}, expected a path, or a library that is open")
 
     @property
     def is_plain(self) -> bool:

@@ -18,6 +18,7 @@ from maurice_mcl.reasons.explanation import (
     LEAST_NATS,
     TRUTH,
     WINNER,
+    ChannelExplanation,
     EntryExplanation,
     PoseOffset,
     StepExplanation,
@@ -199,26 +200,35 @@ def say_times(nats: float) -> str:
 def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
     costs = entry.lost_to(winner)
     order = np.argsort(-costs, kind="stable")
-    first = int(order[0])
-    mine, best = entry.channels[first], winner.channels[first]
-    verified = entry.verified - winner.verified
-    is_most = verified > costs[first]
-    text = f"{capital(KEYPOINTS)} cost it {verified:.1f} nats. " if is_most else ""
-    text += f"{capital(mine.channel)} costs it {costs[first]:.1f} nats"
-    planes = planes_of(mine.channel, len(mine.sample))
-    run = where_lost(mine, best, planes.count)
-    if run is not None:
-        won = run.nats - costs[first]  # by the channel's other elements
-        text += f", {run.nats:.1f} {'lost' if won >= LEAST_NATS else 'of them'}"
-        text += f" at {planes.name(run.plane, run.first, run.last)}"
-        text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
-        text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
-        text += f", and {won:.1f} won elsewhere" if won >= LEAST_NATS else ""
-    others = [] if is_most else [(KEYPOINTS, verified)]
-    others += [(entry.channels[k].channel, costs[k]) for k in order[1:]]
+    verified, first = entry.verified - winner.verified, int(order[0])
+    others = [(entry.channels[k].channel, float(costs[k])) for k in order]
+    sentences = list[str]()
+    if verified > costs[first]:
+        sentences.append(f"{capital(KEYPOINTS)} cost it {verified:.1f} nats")
+    else:
+        others.insert(1, (KEYPOINTS, verified))
+    if not sentences or costs[first] >= LEAST_NATS:
+        sentences.append(_costs(entry.channels[first], winner.channels[first], costs[first]))
+        others = others[1:]
+    text = ". ".join(sentences)
     others = [(name, cost) for name, cost in others if abs(cost) >= LEAST_NATS]
     more = [f"{name} {cost:.1f}" if cost > 0 else f"{name} favors it by {-cost:.1f}" for name, cost in others]
     return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."
+
+
+def _costs(mine: ChannelExplanation, best: ChannelExplanation, cost: float) -> str:
+    """Say what a channel costs a reference, and where most of that is lost."""
+    text = f"{capital(mine.channel)} costs it {cost:.1f} nats"
+    planes = planes_of(mine.channel, len(mine.sample))
+    run = where_lost(mine, best, planes.count)
+    if run is None:
+        return text
+    gain = run.nats - cost  # by the channel's other elements
+    text += f", {run.nats:.1f} {'lost' if gain >= LEAST_NATS else 'of them'}"
+    text += f" at {planes.name(run.plane, run.first, run.last)}"
+    text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
+    text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
+    return text + (f", and {gain:.1f} won elsewhere" if gain >= LEAST_NATS else "")
 
 
 def _amounts(channel: str, picture: float, reference: float) -> str:

@@ -88,9 +88,9 @@ def say_recognition(recognition: PlaceRecognition) -> Iterator[str]:
     if not recognition.right:
         yield f"found: none of {recognition.pictures} pictures has a reference near its true pose"
         return
-    told = recognition.hurting or ((recognition.worst,) if recognition.worst else ())
-    verifying = tuple(name for name in recognition.without if name == KEYPOINTS and name not in told)
-    for name in told + verifying:  # which have no row of their own
+    names = recognition.hurting or ((recognition.worst,) if recognition.worst else ())
+    verifying = tuple(name for name in recognition.without if name == KEYPOINTS and name not in names)
+    for name in names + verifying:  # which have no row of their own
         yield _without(name, recognition)
 
 
@@ -100,8 +100,8 @@ def _without(name: str, recognition: PlaceRecognition) -> str:
     is_chance = gain.low <= 0 <= gain.high
     many = name == KEYPOINTS
     verb = "hurt" if gain.value > 0 else "help"
-    does = f"may {verb}" if is_chance else f"{verb}{'' if many else 's'}"
-    does = does if gain.value else "make no difference here"
+    effect = f"may {verb}" if is_chance else f"{verb}{'' if many else 's'}"
+    effect = effect if gain.value else "make no difference here"
     share = f"without {'them' if many else 'it'} {first + gain.value:.0%} of the pictures"
     points = f"{gain.text(100, 0, '+')} points{', which may be chance' if is_chance and gain.value else ''}"
-    return f"{name} {does}: {share} find a right reference first instead of {first:.0%} ({points})"
+    return f"{name} {effect}: {share} find a right reference first instead of {first:.0%} ({points})"

@@ -90,6 +90,10 @@ def test_a_run_that_loses_more_than_its_channel_is_no_part_of_it(library):
     says = " ".join(say_step(replace(step, shown=shown), scale))
     assert "Keypoints cost it 4.2 nats. Color costs it 1.6 nats" in says
     assert says.count("4.2") == 1
+    favored = (channel("color", np.where(nats < 0, nats, 0).astype(np.float32), sample, reference),)
+    shown = replace(truth, entry=replace(verified, channels=favored, behind=2.8)), replace(winner, entry=best)
+    says = " ".join(say_step(replace(step, shown=shown), scale))
+    assert "Keypoints cost it 4.2 nats; color favors it by 1.4." in says
 
 
 @pytest.mark.parametrize("name", sorted(KNOWN))
