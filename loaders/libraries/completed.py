@@ -56,7 +56,7 @@ def completed(
     if any("keypoints" in weights for weights in weights_of_runs):
         from .keypoints import with_keypoints
 
-        whole = with_keypoints(whole, progress, warn)
+        whole = with_keypoints(whole, progress=progress, warn=warn)
     libraries = {frozenset(library.sensors): library, frozenset(whole.sensors): whole}
     each = list[Library]()
     for weights in weights_of_runs:

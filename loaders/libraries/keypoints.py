@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from maurice_mcl.sensor.verification import KEYPOINTS, KeypointMatches
 from maurice_mcl.values import U8, Library, NamedProgress
 
 from ..files.writing import cache_root
-from .landmarks import key_of, picture_of
+from .landmarks import Warn, key_of, picture_of
 from .remembered import read_arrays, write_arrays
 
 VERSION = 1  # of how keypoints are found: another one finds them again
@@ -22,7 +21,7 @@ NO_PICTURE: U8 = np.zeros((8, 8, 3), np.uint8)  # in place of one that is gone: 
 
 
 def with_keypoints(
-    library: Library, progress: NamedProgress | None = None, warn: Callable[[str], None] | None = None
+    library: Library, *, progress: NamedProgress | None = None, warn: Warn | None = None
 ) -> Library:
     """Return a library with the keypoints of its pictures, for features that verify references.
 

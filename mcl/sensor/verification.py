@@ -117,7 +117,7 @@ class KeypointMatches:
         lines = np.stack([reading.keypoints.pixels[own], there], axis=1)
         marks = ShownMarks("matches", BESIDE, lines, np.ones(len(lines), np.bool_))
         words = f"{len(own)} of {len(reading.keypoints.pixels)} keypoints match the reference at the estimate"
-        words += f" (lines); more than {MOST_MATCHES} count as {MOST_MATCHES}."
+        words += f" (lines); by chance some do, and more than {MOST_MATCHES} count as {MOST_MATCHES}."
         return Shown(words, {BESIDE: beside}, (marks,))
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
