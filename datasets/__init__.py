@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .surveys import survey as survey
     from .trials.engine import run_plan as run_plan
     from .trials.plan import read_plan as read_plan
+    from .trials.table import TrialsResult as TrialsResult
     from .trials.table import grouped as grouped
     from .trials.table import load_trials as load_trials
     from .trials.table import paired as paired

@@ -70,6 +70,11 @@ class TrialsResult:
     """What many runs show, as polars frames: a row for each run, means, and differences run by run.
 
     Intervals hold 95 %, over drives, or over the seeds of the only one.
+
+        >>> import polars as pl
+        >>> from maurice_datasets import TrialsResult
+        >>> TrialsResult(pl.DataFrame({"label": ["few", "more"], "error": [None, None]}))
+        TrialsResult(2 runs of few, more)
     """
 
     runs: pl.DataFrame  # as docs/trials.md has their columns; runs that raised an error have nulls
