@@ -180,7 +180,7 @@ def out_of_plane(story: Story) -> Failure | None:
 
 def beyond_motion(story: Story) -> Failure | None:
     """The robot moved as the motion model never would, at once or little by little."""
-    # a robot that was carried amid a search did not drive; within the window `carried` comes first
+    # a robot that was carried during a search did not drive; within the window `carried` comes first
     drives = [k for k in story.moves if k in story.window or not _was_carried(story.updates[k])]
     surprises = [(u, u.surprise) for k in drives if (u := story.updates[k]).surprise is not None]
     alone = [pair for pair in surprises if pair[1].largest > BEYOND_SD]
